@@ -1,0 +1,64 @@
+# Verbs for users (run, test) and for those who change the code (lint types bench e2e openapi ...).
+# Every verb sets up what it needs in .venv first; nothing is installed outside this folder.
+
+VENV ?= .venv
+BIN := $(VENV)/bin
+ARGS ?=
+# The first interpreter that is new enough. Override with `make PYTHON=/path/to/python3.12 run`.
+PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13; do \
+	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' && echo $$p && break; done)
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
+CHRONO ?= ../shared/chrono
+
+.PHONY: run test lint types bench e2e image openapi datasets model clean
+
+run: $(VENV)/.runtime ## the service with the shipped model on http://127.0.0.1:8000
+	@exec $(BIN)/rover-twin serve $(ARGS)
+
+test: $(VENV)/.dev ## all tests but the two that take minutes (e2e, image)
+	@$(BIN)/pytest $(ARGS)
+
+lint: $(VENV)/.dev ## style, and the direction of imports
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@PYTHONPATH=. $(BIN)/lint-imports
+
+types: $(VENV)/.dev ## mypy, strict
+	@$(BIN)/mypy
+	@$(BIN)/mypy --strict clients/python/src
+
+bench: $(VENV)/.dev ## how fast, on this machine, one core
+	@$(BIN)/python -m tests.benchmarks.prediction $(ARGS)
+
+e2e: $(VENV)/.dev ## clone this checkout, follow its README
+	@$(BIN)/pytest -m e2e $(ARGS)
+
+image: $(VENV)/.dev ## build and run the container image (needs docker or podman)
+	@$(BIN)/pytest -m image $(ARGS)
+
+openapi: $(VENV)/.dev ## refresh the OpenAPI document that a test compares
+	@$(BIN)/rover-twin openapi > tests/contract/openapi.json
+
+datasets: $(VENV)/.runtime ## rebuild the shipped datasets from the original Chrono output in $(CHRONO)
+	@for set in paper mass space; do $(BIN)/rover-twin datasets import $(CHRONO) --set $$set --name $$set --strict || exit 1; done
+
+model: $(VENV)/.runtime ## train the shipped model from the shipped datasets (minutes) as its next version
+	@$(BIN)/rover-twin train --model viper-lunar --dataset paper --dataset mass --dataset space \
+		--test-fraction 0.125 --seed 1 --promote champion $(ARGS)
+
+clean:
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "Rover Twin needs Python 3.11 or newer: install python3 and python3-venv"; exit 1; }
+	@PYTHON="$(PYTHON)" VENV="$(VENV)" sh .ci/make-venv
+
+$(VENV)/.runtime: $(BIN)/python pyproject.toml constraints.txt
+	@echo "installing Rover Twin into $(VENV) (about a minute)"
+	@$(PIP) --editable .
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.runtime clients/python/pyproject.toml
+	@echo "installing what the tests need into $(VENV)"
+	@$(PIP) --editable clients/python --editable '.[dev]'
+	@touch $@

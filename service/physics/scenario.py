@@ -1,0 +1,63 @@
+"""What is asked of the physics: scenarios as columns of equal length, in SI units and radians."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scenarios:
+    """Scenarios to evaluate together; every field has shape (scenario,), float64.
+
+    `torque_nm` is the motor *stall* torque of each wheel. Raises ValueError for columns of different
+    lengths, for values that are not finite, for a mass that is not positive and for a negative torque.
+    """
+
+    slope_angle_rad: Array
+    mass_kg: Array
+    torque_nm: Array
+
+    def __post_init__(self) -> None:
+        for name in ("slope_angle_rad", "mass_kg", "torque_nm"):
+            column = np.atleast_1d(np.asarray(getattr(self, name), dtype=np.float64))
+            if column.ndim != 1 or not np.isfinite(column).all():
+                raise ValueError(f"{name} must be a finite column, got {getattr(self, name)!r}")
+            object.__setattr__(self, name, column)
+        if not (len(self.slope_angle_rad) == len(self.mass_kg) == len(self.torque_nm)):
+            raise ValueError("slope_angle_rad, mass_kg and torque_nm must have the same length")
+        if (self.mass_kg <= 0).any():
+            raise ValueError(f"mass_kg must be positive, got {self.mass_kg.min()}")
+        if (self.torque_nm < 0).any():
+            raise ValueError(f"torque_nm must not be negative, got {self.torque_nm.min()}")
+
+    @classmethod
+    def of(cls, slope_deg: float, mass_kg: float, torque_nm: float) -> Scenarios:
+        """One scenario, with the slope in degrees as people state it."""
+        return cls(np.radians([slope_deg]), np.array([mass_kg]), np.array([torque_nm]))
+
+    @classmethod
+    def stack(cls, parts: Iterable[Scenarios]) -> Scenarios:
+        """The scenarios of all parts, in order."""
+        every = list(parts)
+        return cls(
+            np.concatenate([part.slope_angle_rad for part in every]),
+            np.concatenate([part.mass_kg for part in every]),
+            np.concatenate([part.torque_nm for part in every]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.mass_kg)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Positions:
+    """Wheel-centre positions in the slope frame: `x_m` and `y_m`, each of shape (scenario, time), metres."""
+
+    x_m: Array
+    y_m: Array
