@@ -1,0 +1,57 @@
+"""The smaller documents: where an alias pointed and why, and what a dataset is."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from model_store.documents import Document, JsonObject, Moment, Text
+from model_store.files import Files, Sha256
+from model_store.layout import MAX_SEQ, MAX_VERSION, check_dataset_name
+from model_store.manifest import Actor, Note
+
+
+class AliasRecord(Document):
+    """One move of an alias. Records are only ever added; the one with the highest `seq` holds.
+
+    `previous_seq` is the record a rollback from here returns to, None when there is nothing to return to.
+    """
+
+    format: str = "rover-twin-alias"
+    seq: Annotated[int, Field(ge=1, le=MAX_SEQ)]
+    version: Annotated[int, Field(ge=1, le=MAX_VERSION)]
+    time: Moment
+    actor: Actor
+    reason: Note = ""
+    previous_seq: Annotated[int, Field(ge=1, le=MAX_SEQ)] | None = None
+
+
+class DatasetDraft(BaseModel):
+    """What somebody says about a dataset; the store adds id, time and digests.
+
+    `name` is for people (A-Z a-z 0-9 . _ -, at most 63) and need not be unique. Raises pydantic's ValidationError
+    (a ValueError) for unknown fields, NaN, and what is not JSON.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: Annotated[str, AfterValidator(check_dataset_name)]
+    created_by: Actor
+    description: Note = ""
+    summary: JsonObject = Field(default_factory=dict)
+    source: JsonObject = Field(default_factory=dict)
+
+
+class DatasetRecord(Document):
+    """One published dataset. Immutable; unknown fields are kept; `files` maps name to digest and size."""
+
+    format: str = "rover-twin-dataset"
+    id: Sha256
+    name: Text
+    created_at: Moment
+    created_by: Text
+    description: Text = ""
+    files: Files
+    summary: JsonObject = Field(default_factory=dict)
+    source: JsonObject = Field(default_factory=dict)

@@ -1,0 +1,209 @@
+"""The one object everybody holds: models with versions and aliases, and the datasets they came from."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+
+from model_store.aliases import Aliases
+from model_store.backend import Backend
+from model_store.files import MAX_FILE_BYTES
+from model_store.manifest import Manifest, ManifestDraft
+from model_store.records import AliasRecord, DatasetDraft, DatasetRecord
+from model_store.references import Resolved
+from model_store.stored_datasets import Datasets
+from model_store.versions import Versions
+
+
+class ModelStore:
+    """A store of immutable artefacts on any obstore backend.
+
+    Holds no state of its own: safe to share between threads, and any number of processes may read and write the same
+    place. Every method may raise `StoreUnavailableError` (the backend fails) and `InvalidReferenceError` (a malformed
+    name, alias, version or id) besides the errors it names.
+    """
+
+    def __init__(self, backend: Backend) -> None:
+        self._backend = backend
+        self._versions = Versions(backend)
+        self._aliases = Aliases(backend, self._versions)
+        self._datasets = Datasets(backend)
+
+    @classmethod
+    def open(cls, url: str | os.PathLike[str], *, create: bool = False) -> ModelStore:
+        """Open a store: a plain path, or a file://, memory://, s3://, gs:// or az:// URL.
+
+        `create` makes a missing directory. An empty place is a good, empty store. Each `memory://` is a store of its
+        own, gone with the object. Open after `fork`, not before: the backend's runtime has threads.
+
+        Raises:
+            StoreUnavailableError: the directory is missing or the URL unknown.
+        """
+        return cls(Backend.open(url, create=create))
+
+    @property
+    def location(self) -> str:
+        """Where the store is, without credentials, for messages and logs."""
+        return self._backend.location
+
+    def model_names(self) -> list[str]:
+        """Sorted names of the models with at least one published version."""
+        return self._versions.model_names()
+
+    def versions(self, name: str) -> list[int]:
+        """Published versions of a model, ascending; never empty.
+
+        Only versions with a manifest: what a running or killed publisher has written so far does not show.
+
+        Raises:
+            ModelNotFoundError: nothing is published under this name.
+        """
+        return self._versions.numbers(name)
+
+    def publish(self, name: str, files: Mapping[str, bytes], draft: ManifestDraft) -> Manifest:
+        """Publish a new version and return its manifest; it never touches an older one.
+
+        `files` holds `weights.safetensors` and any `report/<plain name>`. The number is one above the highest in use,
+        folders of killed publishers included, so numbers can have gaps. Publishers at the same moment get different
+        numbers. The manifest is written last and is the publication: before it no reader sees anything, after it the
+        version is whole. Everything is checked before the first byte is written.
+
+        On return the version survives a kill of any process. A power cut is another matter: object stores have it
+        safe by then, but obstore writes local files without fsync, so a directory may lose or tear the last seconds
+        on disk. Torn files are detected by their digests and refused, never served; publish again then.
+
+        Raises:
+            InvalidDraftError: files missing, too many or too large, or a manifest over 1 MiB; nothing was written.
+            ConflictError: a hundred other publishers were faster.
+        """
+        return self._versions.publish(name, files, draft)
+
+    def manifest(self, name: str, version: int) -> Manifest:
+        """Read the manifest of a version (at most 1 MiB).
+
+        Raises:
+            ModelNotFoundError, VersionNotFoundError: it is not published.
+            CorruptArtefactError: truncated, not JSON, wrong fields, or moved here from another place.
+            UnsupportedFormatError: written by a newer major format.
+        """
+        return self._versions.manifest(name, version)
+
+    def read_file(self, name: str, version: int, file: str, *, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
+        """Read one file of a version, its size and sha256 compared with the manifest.
+
+        Raises what `manifest` raises, and:
+            NotFoundError: the manifest lists no such file.
+            CorruptArtefactError: the file is missing, truncated or altered.
+            ArtefactTooLargeError: it is larger than `limit_bytes`; nothing of it was read.
+        """
+        return self._versions.read_file(name, version, file, limit_bytes)
+
+    def verify(self, name: str, version: int) -> Manifest:
+        """Read every file of a version and compare it with the manifest; raises what `read_file` raises."""
+        return self._versions.verify(name, version)
+
+    def resolve(self, reference: str) -> Resolved:
+        """Say which version `name`, `name@3` or `name@champion` means now; a bare name means `name@champion`.
+
+        Costs one listing of the alias's records, one small read and one existence check; made to be polled.
+
+        Raises:
+            ModelNotFoundError, AliasNotFoundError: there is none.
+            VersionNotFoundError: the version, or the one the alias points to, is not in the store.
+            CorruptArtefactError, UnsupportedFormatError: the alias's newest record cannot be read.
+        """
+        return self._aliases.resolve(reference)
+
+    def aliases(self, name: str) -> dict[str, AliasRecord]:
+        """The record that holds for every alias of a model; empty when it has none.
+
+        Raises:
+            ModelNotFoundError: nothing is published under this name.
+            CorruptArtefactError, UnsupportedFormatError: a newest record cannot be read.
+        """
+        return self._aliases.all(name)
+
+    def alias(self, name: str, alias: str) -> AliasRecord:
+        """The record that holds for one alias: one listing and one small read.
+
+        Raises:
+            ModelNotFoundError, AliasNotFoundError: there is none.
+            CorruptArtefactError, UnsupportedFormatError: the newest record cannot be read; older ones are never
+                served in its place. Moving the alias repairs it.
+        """
+        return self._aliases.current(name, alias)
+
+    def alias_history(self, name: str, alias: str) -> list[AliasRecord]:
+        """Every record of an alias, oldest first; raises what `alias` raises, for any record."""
+        return self._aliases.history(name, alias)
+
+    def move_alias(
+        self, name: str, alias: str, version: int, *, actor: str, reason: str, expected_seq: int | None = None
+    ) -> AliasRecord:
+        """Point an alias (new or not) to a published version, by adding a record.
+
+        With `expected_seq` the move happens only if the newest record still has that number (0: the alias is new);
+        without it, a mover who loses a race looks again and moves after the winner. Moving to the version it already
+        has is recorded too, and changes nothing for a rollback.
+
+        Raises:
+            ModelNotFoundError, VersionNotFoundError: the version is not published.
+            ConflictError: the alias moved meanwhile; of movers with the same `expected_seq` exactly one wins.
+            InvalidDraftError: `actor` is empty or over 200 characters, or `reason` over 4,000.
+            UnsupportedFormatError: the newest record is of a newer major format. A corrupt one is moved away from.
+        """
+        return self._aliases.move(name, alias, version, actor=actor, reason=reason, expected_seq=expected_seq)
+
+    def rollback(
+        self, name: str, alias: str, *, actor: str, reason: str, expected_seq: int | None = None
+    ) -> AliasRecord:
+        """Take the last version change of an alias back, by adding one more record.
+
+        Works like undo: after moves to 1, 2, 3 a rollback gives 2, a second one gives 1 (not 3 again: a version rolled
+        back from is left behind), a third one has nothing left. A move after a rollback starts from there.
+        A rollback is never retried; when somebody moved the alias in between, look again.
+
+        Raises:
+            ModelNotFoundError, AliasNotFoundError: there is none.
+            VersionNotFoundError: the version to return to is no longer in the store; move the alias by number.
+            ConflictError: nothing to return to, `expected_seq` is not the newest, or the alias moved meanwhile.
+            CorruptArtefactError, UnsupportedFormatError: a record needed for it cannot be read.
+        """
+        return self._aliases.rollback(name, alias, actor=actor, reason=reason, expected_seq=expected_seq)
+
+    def put_dataset(self, dataset_id: str, files: Mapping[str, bytes], record: DatasetDraft) -> DatasetRecord:
+        """Publish a dataset under the sha256 of its content; the same id and files again return the first record.
+
+        The id is the caller's: it must be computed from the content of all files. `dataset.json` is written last
+        and is the publication; what a killed put left behind is completed by the next one. Durable as in `publish`.
+
+        Raises:
+            AlreadyExistsError: the id is published, or half written, with other files.
+            InvalidDraftError: no or too many files, one too large, or a record over 1 MiB; nothing was written.
+            CorruptArtefactError, UnsupportedFormatError: a record is there and cannot be read.
+        """
+        return self._datasets.put(dataset_id, files, record)
+
+    def dataset_ids(self) -> list[str]:
+        """Sorted ids of the published datasets."""
+        return self._datasets.ids()
+
+    def dataset(self, reference: str) -> DatasetRecord:
+        """Find a dataset by its id, a unique start of it (6 digits or more), or its name.
+
+        Raises:
+            DatasetNotFoundError: there is none.
+            InvalidReferenceError: several fit; the message lists their ids.
+            CorruptArtefactError, UnsupportedFormatError: its record cannot be read.
+        """
+        return self._datasets.get(reference)
+
+    def read_dataset_file(self, dataset_id: str, file: str, *, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
+        """Read one file of a dataset, its size and sha256 compared with the record.
+
+        Raises:
+            DatasetNotFoundError, NotFoundError: no such dataset, or the record lists no such file.
+            CorruptArtefactError: the record or the file is missing, truncated or altered.
+            ArtefactTooLargeError: it is larger than `limit_bytes`; nothing of it was read.
+        """
+        return self._datasets.read_file(dataset_id, file, limit_bytes)

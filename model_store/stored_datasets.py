@@ -1,0 +1,140 @@
+"""Datasets: named by the digest of their content, so publishing twice is publishing once."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+
+from model_store import layout
+from model_store.backend import Backend
+from model_store.documents import read_document, render
+from model_store.errors import (
+    AlreadyExistsError,
+    CorruptArtefactError,
+    DatasetNotFoundError,
+    InvalidReferenceError,
+    NotFoundError,
+    UnsupportedFormatError,
+)
+from model_store.files import MAX_FILE_BYTES, FileEntry, digest_files, read_verified
+from model_store.records import DatasetDraft, DatasetRecord
+
+_PREFIX = re.compile(r"[0-9a-f]{6,63}")
+
+
+class Datasets:
+    """The part of the store under `datasets`. `ModelStore` documents each method."""
+
+    def __init__(self, backend: Backend) -> None:
+        self._backend = backend
+
+    def ids(self) -> list[str]:
+        """Sorted ids of the published datasets."""
+        published = (key.split("/") for key in self._backend.keys(layout.DATASETS_ROOT))
+        return sorted(
+            parts[0] for parts in published if parts[1:] == [layout.DATASET] and layout.is_dataset_id(parts[0])
+        )
+
+    def put(self, dataset_id: str, files: Mapping[str, bytes], draft: DatasetDraft) -> DatasetRecord:
+        """Write the files, then the record; take up where a killed writer of the same dataset stopped."""
+        prefix = layout.dataset_prefix(dataset_id)
+        for file in files:
+            layout.check_dataset_file(file)
+        entries = digest_files(files)
+        record = _complete(dataset_id, entries, draft)
+        data = render(record)
+        if (published := self._find(dataset_id)) is not None:
+            return _same(published, entries)
+        for file in sorted(files):
+            self._create_or_match(f"{prefix}/{file}", files[file], entries[file])
+        if self._backend.create_or_confirm(_record_key(dataset_id), data):
+            return record
+        return _same(self._read(dataset_id), entries)
+
+    def get(self, reference: str) -> DatasetRecord:
+        """Find a dataset by id, by a unique start of an id, or by its name."""
+        if layout.is_dataset_id(reference):
+            return self._read(reference)
+        by_id = [one for one in self.ids() if _PREFIX.fullmatch(reference) and one.startswith(reference)]
+        named, unreadable = self._named(reference)
+        matches = sorted({*by_id, *named})
+        if len(matches) > 1:
+            raise InvalidReferenceError(f"dataset {reference!r} is ambiguous: {', '.join(matches)}; give the whole id")
+        if not matches:
+            skipped = f"; unreadable and skipped: {', '.join(unreadable)}" if unreadable else ""
+            raise DatasetNotFoundError(
+                f"no dataset {reference[:100]!r}; give an id, at least its first 6 digits, or a name{skipped}"
+            )
+        return self._read(matches[0])
+
+    def read_file(self, dataset_id: str, file: str, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
+        """Read a file the record lists, verified."""
+        files = self._read(dataset_id).files
+        if file not in files:
+            known = ", ".join(sorted(files))
+            raise NotFoundError(f"dataset {dataset_id} has no file {file[:100]!r}; it has {known}")
+        key = f"{layout.dataset_prefix(dataset_id)}/{file}"
+        return read_verified(self._backend, key, files[file], limit_bytes=limit_bytes)
+
+    def _named(self, name: str) -> tuple[list[str], list[str]]:
+        # one broken dataset must not hide the others
+        named, unreadable = [], []
+        for dataset_id, record in self._records():
+            if record is None:
+                unreadable.append(dataset_id)
+            elif record.name == name:
+                named.append(dataset_id)
+        return named, unreadable
+
+    def _records(self) -> Iterator[tuple[str, DatasetRecord | None]]:
+        for dataset_id in self.ids():
+            try:
+                yield dataset_id, self._read(dataset_id)
+            except (CorruptArtefactError, UnsupportedFormatError):
+                yield dataset_id, None
+
+    def _read(self, dataset_id: str) -> DatasetRecord:
+        record = self._find(dataset_id)
+        if record is None:
+            raise DatasetNotFoundError(f"no dataset {dataset_id}; list the ids there are, or give a name")
+        return record
+
+    def _find(self, dataset_id: str) -> DatasetRecord | None:
+        key = _record_key(dataset_id)
+        record = read_document(self._backend, key, DatasetRecord)
+        if record is not None and record.id != dataset_id:
+            raise CorruptArtefactError(
+                f"{key} says it is dataset {record.id}: it was moved here by hand; remove this folder and put it anew"
+            )
+        return record
+
+    def _create_or_match(self, key: str, data: bytes, entry: FileEntry) -> None:
+        if self._backend.create(key, data):
+            return
+        try:
+            read_verified(self._backend, key, entry)
+        except CorruptArtefactError as error:
+            raise AlreadyExistsError(
+                f"{key} is left from an unfinished put and differs from what is offered now; "
+                "remove that object, then put the dataset again"
+            ) from error
+
+
+def _record_key(dataset_id: str) -> str:
+    return f"{layout.dataset_prefix(dataset_id)}/{layout.DATASET}"
+
+
+def _complete(dataset_id: str, files: dict[str, FileEntry], draft: DatasetDraft) -> DatasetRecord:
+    said = {field: getattr(draft, field) for field in DatasetDraft.model_fields}
+    return DatasetRecord(id=dataset_id, created_at=datetime.now(UTC), files=files, **said)
+
+
+def _same(published: DatasetRecord, offered: Mapping[str, FileEntry]) -> DatasetRecord:
+    same_names = published.files.keys() == offered.keys()
+    if same_names and all(entry.same_bytes(offered[file]) for file, entry in published.files.items()):
+        return published
+    raise AlreadyExistsError(
+        f"dataset {published.id} is published with other files ({', '.join(sorted(published.files))}); "
+        "an id must be the digest of the content: give the changed content its own id"
+    )

@@ -1,0 +1,137 @@
+"""Many processes, one directory: everybody gets their own version, one mover wins each record."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+import model_store
+from model_store import ConflictError, DatasetDraft, ModelStore
+
+PROCESSES = 8
+BY = {"actor": "tests", "reason": "because"}
+
+CHILD = """
+import json, sys
+from model_store import ConflictError, DatasetDraft, Lineage, ManifestDraft, ModelStore
+
+action, url, me = sys.argv[1:]
+store = ModelStore.open(url)
+draft = ManifestDraft(created_by=me, checkpoint={}, domain={}, metrics={}, lineage=Lineage())
+store.model_names()
+print("ready", flush=True)
+sys.stdin.readline()
+if action == "publish":
+    files = {"weights.safetensors": me.encode() * 100_000, "report/me.txt": me.encode()}
+    print(json.dumps([store.publish("viper", files, draft).version for _ in range(3)]))
+elif action == "move":
+    print(json.dumps([store.move_alias("viper", "champion", 1, actor=me, reason="").seq for _ in range(5)]))
+elif action == "expect":
+    try:
+        print(json.dumps([store.move_alias("viper", "champion", 1, actor=me, reason="", expected_seq=1).seq]))
+    except ConflictError:
+        print("[]")
+elif action == "dataset":
+    files = {"runs.parquet": b"PAR1" * 100_000, "passport.json": b"{}"}
+    print(json.dumps(store.put_dataset("a" * 64, files, DatasetDraft(name=me, created_by=me)).created_by))
+"""
+
+
+def together(action, url):
+    """Run the action in eight processes that start at the same moment; return what each reported."""
+    environment = {**os.environ, "PYTHONPATH": str(Path(model_store.__file__).parents[1])}
+    children = [
+        subprocess.Popen(
+            [sys.executable, "-c", CHILD, action, str(url), f"child-{number}"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment,
+        )
+        for number in range(PROCESSES)
+    ]
+    try:
+        for child in children:
+            assert child.stdout.readline() == "ready\n"
+        for child in children:
+            child.stdin.write("go\n")
+            child.stdin.flush()
+        reports = [json.loads(child.communicate(timeout=60)[0]) for child in children]
+    finally:
+        for child in children:
+            child.kill()
+            child.wait()
+            child.stdin.close()
+            child.stdout.close()
+    assert [child.returncode for child in children] == [0] * PROCESSES
+    return reports
+
+
+def test_publishers_at_once_get_distinct_whole_versions(store, directory):
+    reports = together("publish", directory)
+    versions = [version for report in reports for version in report]
+    assert sorted(versions) == store.versions("viper")
+    assert len(set(versions)) == 3 * PROCESSES
+    for number, report in enumerate(reports):
+        assert report == sorted(report)
+        for version in report:
+            manifest = store.verify("viper", version)
+            assert manifest.created_by == f"child-{number}"
+            assert store.read_file("viper", version, "report/me.txt") == f"child-{number}".encode()
+
+
+def test_movers_at_once_are_all_recorded(store, directory, files, draft):
+    store.publish("viper", files, draft)
+    reports = together("move", directory)
+    assert sorted(seq for report in reports for seq in report) == list(range(1, 5 * PROCESSES + 1))
+    history = store.alias_history("viper", "champion")
+    for number, report in enumerate(reports):
+        assert [record.seq for record in history if record.actor == f"child-{number}"] == report
+
+
+def test_of_movers_who_expect_the_same_record_one_wins(store, directory, files, draft):
+    store.publish("viper", files, draft)
+    store.move_alias("viper", "champion", 1, **BY)
+    reports = together("expect", directory)
+    assert sorted(reports, key=len) == [[]] * (PROCESSES - 1) + [[2]]
+    winner = reports.index([2])
+    assert store.alias("viper", "champion").actor == f"child-{winner}"
+
+
+def test_one_dataset_put_by_many_at_once_is_one_dataset(store, directory):
+    reports = together("dataset", directory)
+    assert set(reports) == {store.dataset("a" * 64).created_by}
+    assert store.read_dataset_file("a" * 64, "runs.parquet") == b"PAR1" * 100_000
+
+
+@pytest.mark.parametrize("url", ["memory://", "directory"])
+def test_threads_share_one_store(url, directory, files, draft):
+    store = ModelStore.open(directory if url == "directory" else url, create=True)
+    store.publish("viper", files, draft)
+    for version in (2, 3):
+        store.publish("viper", files, draft)
+        store.move_alias("viper", "champion", version, **BY)
+    outcomes = []
+
+    def work(number):
+        outcomes.append(store.publish("viper", files, draft).version)
+        store.put_dataset("a" * 64, {"x": b"x"}, DatasetDraft(name="x", created_by=str(number)))
+        try:
+            outcomes.append(f"rolled to {store.rollback('viper', 'champion', expected_seq=2, **BY).version}")
+        except ConflictError:
+            outcomes.append("conflict")
+
+    threads = [threading.Thread(target=work, args=(number,)) for number in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert outcomes.count("rolled to 2") == 1
+    assert outcomes.count("conflict") == 7
+    assert store.versions("viper") == list(range(1, 12))
