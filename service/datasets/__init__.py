@@ -1,0 +1,43 @@
+"""Chrono output as it really is, read into arrays with reasons for what is not usable, and kept compactly.
+
+    dataset, report = read_folder("my-runs")        # passport.json, runs.csv, text files of Chrono
+    data = to_parquet(dataset)                      # bytes of runs.parquet
+    dataset = read_parquet(data, sets=["paper"])
+
+Arrays out, reasons out. Knows no network, no store and no learning.
+"""
+
+from service.datasets.column_map import PRESETS, ColumnMap
+from service.datasets.columns import COLUMNS, Column
+from service.datasets.digest import dataset_id
+from service.datasets.findings import Code, Finding, Severity, UnusableFileError
+from service.datasets.folder import read_folder
+from service.datasets.parquet import read_parquet, to_parquet, write_parquet
+from service.datasets.passport import Passport, parse_passport
+from service.datasets.report import RejectedDatasetError, ValidationReport
+from service.datasets.run import Dataset, Run
+from service.datasets.summary import DatasetSummary, summarise
+
+__all__ = [
+    "COLUMNS",
+    "PRESETS",
+    "Code",
+    "Column",
+    "ColumnMap",
+    "Dataset",
+    "DatasetSummary",
+    "Finding",
+    "Passport",
+    "RejectedDatasetError",
+    "Run",
+    "Severity",
+    "UnusableFileError",
+    "ValidationReport",
+    "dataset_id",
+    "parse_passport",
+    "read_folder",
+    "read_parquet",
+    "summarise",
+    "to_parquet",
+    "write_parquet",
+]

@@ -1,0 +1,41 @@
+"""A run that is read but not yet accepted: what the checks look at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from service.datasets.findings import Code, Finding, reject, warn
+from service.datasets.passport import Passport
+from service.datasets.run_table import RunEntry
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """Canonical columns, each float64 (time,), the file's line of each row (time,), scenario and passport."""
+
+    entry: RunEntry
+    columns: Mapping[str, Array]
+    lines: npt.NDArray[np.int64]
+    passport: Passport
+
+    @property
+    def time_s(self) -> Array:
+        """Times (time,), s, as read: not yet known to increase."""
+        return self.columns["time_s"]
+
+    def reject(self, code: Code, message: str, *, at: int | None = None, column: str | None = None) -> Finding:
+        """A rejection at row index `at` (reported as the file's own line)."""
+        return reject(self.entry.file, code, message, row=self._line(at), column=column)
+
+    def warn(self, code: Code, message: str, *, at: int | None = None, column: str | None = None) -> Finding:
+        """A warning at row index `at`."""
+        return warn(self.entry.file, code, message, row=self._line(at), column=column)
+
+    def _line(self, at: int | None) -> int | None:
+        return None if at is None else int(self.lines[at])

@@ -1,0 +1,65 @@
+"""The columns that a run may have: unit, meaning, plausible range, stored digits and names seen in the wild."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One canonical column. Values outside `lowest..highest` cannot be what the name says.
+
+    `digits` are the decimals that are kept when stored; nine decimal digits fit in all (see `parquet`), so
+    six of them leave room up to 999.999999.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    lowest: float
+    highest: float
+    digits: int
+    aliases: tuple[str, ...] = ()
+
+    @property
+    def scale(self) -> float:
+        """Stored integers per unit."""
+        return 10.0**self.digits
+
+
+# Ranges: a run lasts at most 600 s (the service's own horizon limit) and stays within what nine digits hold;
+# a rover that is not on its side pitches less than 1.6 rad; wheel heights, speeds and spins are far beyond any
+# planetary rover (VIPER: 0.25 m, 0.8 m/s, pi rad/s), so that only a wrong unit or a wrong column goes outside.
+# Digits: 0.1 micrometre and 0.1 microradian are below Chrono's own repeatability and cost 0.7-1.0 byte a value.
+COLUMNS: tuple[Column, ...] = (
+    Column("time_s", "s", "time since the motors were switched on", 0.0, 601.0, 6,
+           ("time", "t", "time_sec", "time_seconds", "sim_time", "sim_time_s")),
+    Column("rear_x_m", "m", "rear wheel centre along the slope, positive uphill", -99.0, 99.0, 7),
+    Column("rear_y_m", "m", "rear wheel centre above the undeformed surface", -5.0, 5.0, 7),
+    Column("front_x_m", "m", "front wheel centre along the slope, same origin", -99.0, 99.0, 7),
+    Column("front_y_m", "m", "front wheel centre above the undeformed surface", -5.0, 5.0, 7),
+    Column("pitch_rad", "rad", "chassis pitch relative to the slope, nose up positive", -1.6, 1.6, 7),
+    Column("speed_mps", "m/s", "speed along the slope", -10.0, 10.0, 6, ("speed_m_s",)),
+    Column("rear_omega_radps", "rad/s", "rear wheel spin, positive uphill", -1000.0, 1000.0, 5,
+           ("rear_omega_rad_s",)),
+    Column("front_omega_radps", "rad/s", "front wheel spin, positive uphill", -1000.0, 1000.0, 5,
+           ("front_omega_rad_s",)),
+    Column("rear_lateral_m", "m", "sideways position of the rear wheel", -99.0, 99.0, 6),
+)  # fmt: skip
+
+BY_NAME: dict[str, Column] = {column.name: column for column in COLUMNS}
+REQUIRED: tuple[str, ...] = ("time_s", "rear_x_m", "rear_y_m")
+MAX_COLUMNS = 256
+
+_CANONICAL: dict[str, str] = {alias: c.name for c in COLUMNS for alias in (c.name, *c.aliases)}
+
+
+def canonical_name(header: str) -> str | None:
+    """The canonical column that a header cell names without doubt ("Time (s)", "rear x [m]"), or None.
+
+    Bare `x`, `y`, `z` are None on purpose: which of them is vertical differs from demo to demo; a
+    `ColumnMap` says it.
+    """
+    text = header.strip().strip("\"'").lower().replace("rad/s", "radps").replace("m/s", "mps")
+    return _CANONICAL.get(re.sub(r"[^a-z0-9]+", "_", text).strip("_"))

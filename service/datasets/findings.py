@@ -1,0 +1,106 @@
+"""What validation says about a dataset: findings with a stable code, a severity, a place and a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from service.errors import DatasetError
+
+MAX_LOCATED = 20
+"""Findings of one kind that are listed for one file; a broken file has thousands and the first few tell why."""
+
+
+class Severity(StrEnum):
+    """Whether a finding keeps its run out of the dataset."""
+
+    REJECT = "reject"
+    WARN = "warn"
+
+
+class Code(StrEnum):
+    """Stable names of the reasons; clients may match on them."""
+
+    # the file as text
+    MISSING_FILE = "missing-file"
+    UNSAFE_PATH = "unsafe-path"
+    UNLISTED_FILE = "unlisted-file"
+    TOO_LARGE = "too-large"
+    BROKEN_GZIP = "broken-gzip"
+    NOT_TEXT = "not-text"
+    EMPTY_FILE = "empty-file"
+    RAGGED_ROW = "ragged-row"
+    EMPTY_CELL = "empty-cell"
+    NOT_A_NUMBER = "not-a-number"
+    HEADER_MISMATCH = "header-mismatch"
+    MISSING_COLUMN = "missing-column"
+    IGNORED_COLUMN = "ignored-column"
+    # the run table
+    SCENARIO_MISSING = "scenario-missing"
+    SCENARIO_RANGE = "scenario-range"
+    DUPLICATE_ENTRY = "duplicate-entry"
+    DUPLICATE_CONTENT = "duplicate-content"
+    DUPLICATE_SCENARIO = "duplicate-scenario"
+    # the numbers
+    NON_FINITE = "non-finite"
+    OUT_OF_RANGE = "out-of-range"
+    UNITS = "units"
+    TOO_FEW_ROWS = "too-few-rows"
+    TIME_DUPLICATE = "time-duplicate"
+    TIME_BACKWARD = "time-backward"
+    START_TIME = "start-time"
+    START_POSITION = "start-position"
+    HORIZON = "horizon"
+    STEP = "step"
+    SAMPLING_GAP = "sampling-gap"
+    JUMP = "jump"
+    SPEED_MISMATCH = "speed-mismatch"
+    WHEEL_BAND = "wheel-band"
+    WHEELBASE = "wheelbase"
+    FRAME = "frame"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing found: where (file, 1-based line of that file, column), what and how bad."""
+
+    file: str
+    code: Code
+    severity: Severity
+    message: str
+    row: int | None = None
+    column: str | None = None
+
+    @property
+    def rejects(self) -> bool:
+        """Whether the run cannot be used."""
+        return self.severity is Severity.REJECT
+
+    def __str__(self) -> str:
+        place = self.file
+        if self.row is not None:
+            place += f" line {self.row}"
+        if self.column is not None:
+            place += f" column {self.column}"
+        return f"{place}: {self.message} [{self.code}]"
+
+
+def reject(file: str, code: Code, message: str, *, row: int | None = None, column: str | None = None) -> Finding:
+    """A finding that keeps the run out."""
+    return Finding(file, code, Severity.REJECT, message, row, column)
+
+
+def warn(file: str, code: Code, message: str, *, row: int | None = None, column: str | None = None) -> Finding:
+    """A finding to look at; the run stays."""
+    return Finding(file, code, Severity.WARN, message, row, column)
+
+
+class UnusableFileError(DatasetError):
+    """One file cannot be read; `findings` says why and where."""
+
+    def __init__(self, findings: Iterable[Finding]) -> None:
+        self.findings = tuple(findings)
+        shown = "; ".join(str(finding) for finding in self.findings[:3])
+        more = len(self.findings) - 3
+        super().__init__(shown + (f"; and {more} more" if more > 0 else ""))
