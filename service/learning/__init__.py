@@ -1,0 +1,1 @@
+"""Residual networks over a prior: scaling, fit, evaluation, checkpoint <-> weights. No files, no store, no web."""

@@ -1,0 +1,98 @@
+"""The domain of a version: the ranges its training runs cover, and the verdict on a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from service.learning.observed import ObservedRun, scenarios_of
+from service.physics.parameters import RegolithParameters, RoverParameters
+from service.physics.scenario import Scenarios
+from service.physics.similarity import torque_ratio
+
+# Judged in this order. torque_ratio is torque/(mass g wheel radius): a mass inside and a torque inside can still be
+# a pair that no run was near (DESIGN section 4).
+FIELDS = ("slope_deg", "mass_kg", "torque_nm", "torque_ratio", "horizon_s")
+_UNITS = {"slope_deg": "deg", "mass_kg": "kg", "torque_nm": "N m", "torque_ratio": "", "horizon_s": "s"}
+
+
+@dataclass(frozen=True, slots=True)
+class DomainReason:
+    """One input that is outside: its value and the range the training runs cover."""
+
+    field: str
+    value: float
+    lowest: float
+    highest: float
+
+    @property
+    def detail(self) -> str:
+        """The reason as a sentence."""
+        bound, side = (self.lowest, "below") if self.value < self.lowest else (self.highest, "above")
+        unit = f" {_UNITS[self.field]}" if _UNITS[self.field] else ""
+        return (
+            f"{self.field} {self.value:.6g}{unit} is {abs(self.value - bound):.3g}{unit} {side} "
+            f"the training runs ({self.lowest:.6g} to {self.highest:.6g}{unit})"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class DomainVerdict:
+    """Whether a scenario lies among the training runs, input by input."""
+
+    inside: bool
+    reasons: tuple[DomainReason, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """Lowest and highest value of each field in `FIELDS` among the training runs."""
+
+    spans: Mapping[str, tuple[float, float]]
+    rover: RoverParameters
+    regolith: RegolithParameters
+
+    def __post_init__(self) -> None:
+        for field in FIELDS:
+            if field not in self.spans:
+                raise ValueError(f"the domain lacks {field}")
+            lowest, highest = self.spans[field]
+            if not (np.isfinite(lowest) and np.isfinite(highest) and lowest <= highest):
+                raise ValueError(f"the domain's {field} is {lowest} to {highest}")
+
+    @classmethod
+    def of_runs(cls, runs: Sequence[ObservedRun], rover: RoverParameters, regolith: RegolithParameters) -> Self:
+        """The ranges that the runs cover; every horizon from zero to the longest run is inside."""
+        scenarios = scenarios_of(runs)
+        columns = {
+            "slope_deg": [run.slope_deg for run in runs],
+            "mass_kg": [run.mass_kg for run in runs],
+            "torque_nm": [run.torque_nm for run in runs],
+            "torque_ratio": torque_ratio(rover, regolith, scenarios).tolist(),
+            "horizon_s": [0.0, *(run.horizon_s for run in runs)],
+        }
+        return cls({field: (min(values), max(values)) for field, values in columns.items()}, rover, regolith)
+
+    def judge(self, slope_deg: float, mass_kg: float, torque_nm: float, horizon_s: float) -> DomainVerdict:
+        """The verdict on one scenario."""
+        ratio = float(torque_ratio(self.rover, self.regolith, Scenarios.of(slope_deg, mass_kg, torque_nm))[0])
+        values = dict(zip(FIELDS, (slope_deg, mass_kg, torque_nm, ratio, horizon_s), strict=True))
+        reasons = tuple(
+            DomainReason(field, value, *self.spans[field])
+            for field, value in values.items()
+            if not self.spans[field][0] <= value <= self.spans[field][1]
+        )
+        return DomainVerdict(not reasons, reasons)
+
+    def describe(self) -> dict[str, Any]:
+        """The ranges as JSON values."""
+        return {field: list(self.spans[field]) for field in FIELDS}
+
+    @classmethod
+    def restore(cls, description: Mapping[str, Any], rover: RoverParameters, regolith: RegolithParameters) -> Self:
+        """Inverse of `describe`. Raises ValueError, KeyError or TypeError for a description that does not fit."""
+        spans = {field: (float(description[field][0]), float(description[field][1])) for field in FIELDS}
+        return cls(spans, rover, regolith)
