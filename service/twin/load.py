@@ -1,0 +1,33 @@
+"""From a stored version to a twin."""
+
+from __future__ import annotations
+
+import math
+
+from model_store import WEIGHTS, ModelStore
+from service.errors import CheckpointError
+from service.learning.checkpoint import restore_model
+from service.learning.domain import Domain
+from service.twin.twin import Twin
+
+MAX_WEIGHTS_BYTES = 256 * 1024 * 1024
+
+
+def load_twin(store: ModelStore, name: str, version: int) -> Twin:
+    """Read, verify and build one version.
+
+    Raises CheckpointError when the version is whole but cannot become a twin, and what the store raises.
+    """
+    manifest = store.manifest(name, version)
+    weights = store.read_file(name, version, WEIGHTS, limit_bytes=MAX_WEIGHTS_BYTES)
+    try:
+        model = restore_model(manifest.checkpoint, weights)
+        domain = Domain.restore(manifest.domain, model.prior.rover, model.prior.regolith)
+        resistance = manifest.checkpoint.get("wheel_motion_resistance")
+        if resistance is not None and not (isinstance(resistance, float | int) and math.isfinite(resistance)):
+            raise ValueError(f"wheel_motion_resistance is {resistance!r}, allowed is a finite number or null")  # noqa: TRY301
+    except CheckpointError as error:
+        raise CheckpointError(f"{name}@{version}: {error}") from error
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise CheckpointError(f"{name}@{version}: the manifest does not fit: {error}") from error
+    return Twin(manifest, model, domain, None if resistance is None else float(resistance))

@@ -1,0 +1,41 @@
+"""The answer to one scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from service.errors import RoverTwinError
+from service.learning.domain import DomainVerdict
+from service.physics.scenario import Array
+from service.twin.scenario import Scenario
+from service.twin.summary import Summary
+
+
+class Frame(StrEnum):
+    """The frame of positions: `slope` has x_m along and y_m normal to the slope, `world` x_m horizontal and z_m up."""
+
+    SLOPE = "slope"
+    WORLD = "world"
+
+
+class NonFiniteError(RoverTwinError):
+    """The model gave NaN or infinity for a scenario; such an answer is never handed out."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """One trajectory with its prior alone, domain verdict and summary.
+
+    `trajectory` maps time_s, x_m and y_m (world frame: z_m) to arrays of shape (time,), s and m; `prior` maps the two
+    positions of the prior alone likewise. `summary` is in the slope frame whatever `frame` is. All finite.
+    """
+
+    scenario: Scenario
+    frame: Frame
+    trajectory: Mapping[str, Array]
+    prior_name: str
+    prior: Mapping[str, Array]
+    domain: DomainVerdict
+    summary: Summary

@@ -1,0 +1,170 @@
+"""Which twins are in memory, and which one an alias means now.
+
+The store says what exists, the registry what is loaded. A thread follows every alias that somebody asked for: when one
+moves, the new version is loaded first and takes its place in one step, while requests that hold the old twin finish on
+it. When the new one cannot be loaded, the old one stays and the reason is kept for `status`.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+
+from model_store import ModelStore, Resolved, StoreError, parse_reference
+from service.errors import RoverTwinError
+from service.twin.load import load_twin
+from service.twin.twin import Twin
+
+_log = logging.getLogger(__name__)
+_MAX_FOLLOWED = 64  # aliases in use; the least recently asked for is no longer followed
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """A twin and the alias it was asked for by, if any."""
+
+    twin: Twin
+    alias: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class RegistryStatus:
+    """What is resident ("name@version") and which references cannot be loaded or refreshed, with the reason."""
+
+    default_reference: str
+    resident: tuple[str, ...]
+    failures: tuple[tuple[str, str], ...]
+
+
+class TwinRegistry:
+    """Twins by reference, at most `capacity` of them resident; thread-safe.
+
+    `refresh_s` is how often followed aliases are looked up in the store.
+    """
+
+    def __init__(self, store: ModelStore, default_reference: str, *, capacity: int = 4, refresh_s: float = 0.5) -> None:
+        self._store = store
+        self._default = _canonical(default_reference)
+        self._capacity = max(1, capacity)
+        self._refresh_s = refresh_s
+        self._lock = threading.Lock()
+        self._loading = threading.Lock()  # one load at a time: a load takes memory and cores
+        self._twins: OrderedDict[tuple[str, int], Twin] = OrderedDict()  # least recently used first
+        self._followed: OrderedDict[str, Resolved] = OrderedDict()  # least recently asked for first
+        self._failures: dict[str, str] = {}
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._follow, name="alias-follower", daemon=True)
+
+    def start(self) -> None:
+        """Load the default model, if it can be, and begin to follow aliases. A default that fails is tried again."""
+        self._refresh(self._default)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop following. Twins already handed out stay usable."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def get(self, reference: str | None = None) -> Loaded:
+        """The twin for `name`, `name@3` or `name@alias`; the default model without a reference.
+
+        A resident twin costs a look-up in memory; everything else reads the store. Raises what the store raises,
+        and CheckpointError.
+        """
+        key = _canonical(reference) if reference else self._default
+        with self._lock:
+            resolved = self._followed.get(key)
+            if resolved:
+                self._followed.move_to_end(key)
+        if resolved is None:
+            resolved = self._bring_up_to_date(key)
+        return Loaded(self._twin(resolved), resolved.alias)
+
+    def status(self) -> RegistryStatus:
+        """What is resident and what fails."""
+        with self._lock:
+            resident = tuple(sorted(f"{name}@{version}" for name, version in self._twins))
+            return RegistryStatus(self._default, resident, tuple(sorted(self._failures.items())))
+
+    def _follow(self) -> None:
+        while not self._stop.wait(self._refresh_s):
+            with self._lock:
+                keys = {*self._followed, self._default}
+            for key in keys:
+                self._refresh(key)
+
+    def _refresh(self, key: str) -> None:
+        """Bring one reference up to date; a failure is kept and logged once, not raised: the old twin serves on."""
+        try:
+            self._bring_up_to_date(key)
+        except (StoreError, RoverTwinError) as error:
+            self._note_failure(key, str(error))
+        except Exception as error:  # the follower must outlive whatever a broken store does
+            _log.exception("refreshing %s failed", key)
+            self._note_failure(key, f"{type(error).__name__}: {error}")
+        else:
+            with self._lock:
+                self._failures.pop(key, None)
+
+    def _note_failure(self, key: str, reason: str) -> None:
+        with self._lock:
+            known = self._failures.get(key)
+            self._failures[key] = reason
+        if known != reason:
+            _log.warning("cannot load %s: %s", key, reason)
+
+    def _bring_up_to_date(self, key: str) -> Resolved:
+        """Look up what the reference means now; a new version is loaded before it takes its place."""
+        asked = parse_reference(key)
+        if asked.version is not None:  # a number always means the same: nothing to follow
+            resolved = Resolved(asked.name, asked.version, None)
+            self._twin(resolved)
+            return resolved
+        resolved = self._store.resolve(key)
+        with self._lock:
+            known = self._followed.get(key)
+        if known == resolved:
+            return known
+        self._twin(resolved)
+        with self._lock:
+            self._followed[key] = resolved
+            if len(self._followed) > _MAX_FOLLOWED:
+                del self._followed[next(each for each in self._followed if each != self._default)]
+        _log.info("%s is now version %d", key, resolved.version)
+        return resolved
+
+    def _twin(self, resolved: Resolved) -> Twin:
+        """A resident twin, or a newly loaded one."""
+        place = resolved.name, resolved.version
+        twin = self._resident(place)
+        if twin is None:
+            with self._loading:
+                twin = self._resident(place) or load_twin(self._store, *place)
+                with self._lock:
+                    self._twins[place] = twin
+                    self._drop_least_used(keep=place)
+        return twin
+
+    def _resident(self, place: tuple[str, int]) -> Twin | None:
+        with self._lock:
+            if place in self._twins:
+                self._twins.move_to_end(place)
+            return self._twins.get(place)
+
+    def _drop_least_used(self, keep: tuple[str, int]) -> None:
+        """Drop twins over the capacity, never the default model's nor the one just loaded."""
+        default = self._followed.get(self._default)
+        kept = {keep, (default.name, default.version) if default else keep}
+        for place in [place for place in self._twins if place not in kept]:
+            if len(self._twins) <= self._capacity:
+                break
+            del self._twins[place]
+
+
+def _canonical(reference: str) -> str:
+    """The reference with its default alias spelt out. Raises InvalidReferenceError."""
+    asked = parse_reference(reference)
+    return f"{asked.name}@{asked.version or asked.alias}"

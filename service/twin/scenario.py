@@ -1,0 +1,66 @@
+"""What a user asks: one scenario in the units people state, and the times to answer at."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from service.errors import InvalidValueError
+from service.physics.scenario import Array, Scenarios
+
+_SAME_TIME = 1e-9  # of a step: a horizon this close to a multiple of dt_s is that multiple
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """Slope (deg), mass (kg), motor stall torque per wheel (N m) and horizon (s).
+
+    Raises InvalidValueError for values that are not finite or not physical. Narrower limits are the caller's.
+    """
+
+    slope_deg: float
+    mass_kg: float
+    torque_nm: float
+    horizon_s: float
+
+    def __post_init__(self) -> None:
+        for field, lowest, highest, allowed in (
+            ("slope_deg", -90.0, 90.0, "more than -90 and less than 90"),
+            ("mass_kg", 0.0, math.inf, "positive and finite"),
+            ("torque_nm", -math.ulp(0.0), math.inf, "zero or positive, and finite"),
+            ("horizon_s", 0.0, math.inf, "positive and finite"),
+        ):
+            if not lowest < getattr(self, field) < highest:
+                raise InvalidValueError(field, getattr(self, field), allowed)
+
+    def as_physics(self) -> Scenarios:
+        """The same in SI units and radians, as a batch of one."""
+        return Scenarios.of(self.slope_deg, self.mass_kg, self.torque_nm)
+
+
+def sample_count(horizon_s: float, dt_s: float) -> int:
+    """How many times `sample_times` returns."""
+    return math.floor(horizon_s / dt_s + _SAME_TIME) + 1 + (not _ends_on_step(horizon_s, dt_s))
+
+
+def sample_times(horizon_s: float, dt_s: float) -> Array:
+    """0, dt, 2 dt, ... and always the horizon itself as the last time; shape (time,), s.
+
+    Raises InvalidValueError unless both are positive and finite.
+    """
+    for field, value in (("horizon_s", horizon_s), ("dt_s", dt_s)):
+        if not 0 < value < math.inf:
+            raise InvalidValueError(field, value, "positive and finite")
+    steps = math.floor(horizon_s / dt_s + _SAME_TIME)
+    times = np.arange(steps + 1, dtype=np.float64) * dt_s
+    if _ends_on_step(horizon_s, dt_s):
+        times[-1] = horizon_s
+        return times
+    return np.append(times, horizon_s)
+
+
+def _ends_on_step(horizon_s: float, dt_s: float) -> bool:
+    ratio = horizon_s / dt_s
+    return round(ratio) >= 1 and abs(ratio - round(ratio)) <= _SAME_TIME

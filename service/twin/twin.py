@@ -1,0 +1,94 @@
+"""A twin: one version of a model in memory, answering scenarios."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from model_store import Manifest
+from service.learning.domain import Domain
+from service.learning.model import PhysicsInformedModel
+from service.physics.frames import slope_to_world
+from service.physics.scenario import Array, Positions, Scenarios
+from service.physics.wheel_speed import slip_ratio, wheel_speed_rad_s
+from service.twin.prediction import Frame, NonFiniteError, Prediction
+from service.twin.scenario import Scenario
+from service.twin.summary import LAST_PART, Summary, outcome_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Twin:
+    """Immutable once made, so that any number of threads may share it.
+
+    `wheel_motion_resistance` calibrates how fast the wheels turn; None where no run recorded it.
+    """
+
+    manifest: Manifest
+    model: PhysicsInformedModel
+    domain: Domain
+    wheel_motion_resistance: float | None
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.manifest.name
+
+    @property
+    def version(self) -> int:
+        """Number of the version."""
+        return self.manifest.version
+
+    def predict(self, scenario: Scenario, time_s: Array, frame: Frame = Frame.SLOPE) -> Prediction:
+        """The trajectory at `time_s`, of shape (time,), which ends at the scenario's horizon.
+
+        Raises NonFiniteError instead of answering with NaN or infinity.
+        """
+        physics = scenario.as_physics()
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
+            prior = self.model.prior.positions(physics, time_s)
+            corrected = self.model.corrected(prior, physics, time_s)
+            summary = self._summarise(scenario, physics, corrected)
+        numbers = (corrected.x_m, corrected.y_m, prior.x_m, prior.y_m, [summary.distance_m, summary.mean_speed_m_s])
+        if not all(np.isfinite(each).all() for each in numbers):
+            raise NonFiniteError(f"{self.name}@{self.version} has no finite answer for {scenario}")
+        return Prediction(
+            scenario=scenario,
+            frame=frame,
+            trajectory={"time_s": time_s, **_in_frame(corrected, physics, frame)},
+            prior_name=self.model.prior.name,
+            prior=_in_frame(prior, physics, frame),
+            domain=self.domain.judge(scenario.slope_deg, scenario.mass_kg, scenario.torque_nm, scenario.horizon_s),
+            summary=summary,
+        )
+
+    def _summarise(self, scenario: Scenario, physics: Scenarios, positions: Positions) -> Summary:
+        x, y = positions.x_m[0], positions.y_m[0]
+        # The outcome must not depend on the sampling that was asked for, hence two times of its own.
+        ends = self.model.positions(physics, scenario.horizon_s * np.array([1.0 - LAST_PART, 1.0])).x_m[0]
+        mean_speed = float(x[-1] - x[0]) / scenario.horizon_s
+        return Summary(
+            outcome=outcome_of(float(ends[1] - ends[0]) / (LAST_PART * scenario.horizon_s)),
+            final_x_m=float(x[-1]),
+            final_y_m=float(y[-1]),
+            distance_m=float(np.hypot(np.diff(x), np.diff(y)).sum()),
+            mean_speed_m_s=mean_speed,
+            slip_ratio=self._slip_ratio(physics, mean_speed),
+        )
+
+    def _slip_ratio(self, physics: Scenarios, mean_speed_m_s: float) -> float | None:
+        if self.wheel_motion_resistance is None:
+            return None
+        prior = self.model.prior
+        wheels = wheel_speed_rad_s(prior.rover, prior.regolith, self.wheel_motion_resistance, physics)
+        return slip_ratio(prior.rover, mean_speed_m_s, float(wheels[0]))
+
+
+def _in_frame(positions: Positions, physics: Scenarios, frame: Frame) -> Mapping[str, Array]:
+    """Positions of a batch of one as columns of the frame."""
+    x, y = positions.x_m[0], positions.y_m[0]
+    if frame is Frame.SLOPE:
+        return {"x_m": x, "y_m": y}
+    horizontal, up = slope_to_world(x, y, float(physics.slope_angle_rad[0]))
+    return {"x_m": horizontal, "z_m": up}
