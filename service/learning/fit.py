@@ -73,6 +73,9 @@ def fit(
     """
     started, device = time.monotonic(), device or best_device()
     train, validation = train.to(device), validation.thinned(config.validation_rows).to(device)
+    if not residual.state_dict():  # nothing to fit: the zero residual
+        loss = float(position_loss_m2(residual.to(device)(validation.inputs), validation.targets_m))
+        return FitOutcome(0, 0, loss, False, time.monotonic() - started, str(device))
     fitting = _Fitting(residual, config, resume, device)
     first_epoch = fitting.epoch
 

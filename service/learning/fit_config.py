@@ -17,9 +17,9 @@ class FitConfig:
     """
 
     seed: int = 1
-    epochs: int = 300
+    epochs: int = 200
     batch_rows: int = 512
-    rows_per_epoch: int = 30_000
+    rows_per_epoch: int = 40_000
     learning_rate: float = 2e-3
     final_learning_rate: float = 2e-5
     warm_up_epochs: int = 3
