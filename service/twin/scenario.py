@@ -10,6 +10,7 @@ import numpy as np
 from service.errors import InvalidValueError
 from service.physics.scenario import Array, Scenarios
 
+_SHORTEST_S = 1e-6  # a mean speed needs a time that can be divided by; nothing moves in a microsecond
 _SAME_TIME = 1e-9  # of a step: a horizon this close to a multiple of dt_s is that multiple
 
 
@@ -30,7 +31,7 @@ class Scenario:
             ("slope_deg", -90.0, 90.0, "more than -90 and less than 90"),
             ("mass_kg", 0.0, math.inf, "positive and finite"),
             ("torque_nm", -math.ulp(0.0), math.inf, "zero or positive, and finite"),
-            ("horizon_s", 0.0, math.inf, "positive and finite"),
+            ("horizon_s", _SHORTEST_S, math.inf, f"more than {_SHORTEST_S:g} and finite"),
         ):
             if not lowest < getattr(self, field) < highest:
                 raise InvalidValueError(field, getattr(self, field), allowed)

@@ -1,0 +1,50 @@
+"""What a JSON schema allows, in a few words for error messages: "-45 to 45", "one of json, csv"."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+_KINDS = {
+    "string": "text",
+    "boolean": "true or false",
+    "integer": "a whole number",
+    "number": "a number",
+    "array": "a list",
+    "object": "a JSON object",
+}
+
+
+def allowed_values(schema: Mapping[str, Any]) -> str:
+    """The values that one property's schema accepts. `schema` has its references resolved already."""
+    if isinstance(written := schema.get("x-allowed"), str):
+        return written
+    if "anyOf" in schema:
+        return " or ".join(allowed_values(part) for part in schema["anyOf"] if part.get("type") != "null")
+    if "const" in schema:
+        return str(schema["const"])
+    if "enum" in schema:
+        values = [str(value) for value in schema["enum"]]
+        return values[0] if len(values) == 1 else "one of " + ", ".join(values)
+    kind = schema.get("type", "")
+    if kind in ("number", "integer"):
+        return _interval(schema, _KINDS[kind])
+    if kind == "array" and "items" in schema:
+        return f"a list of {allowed_values(schema['items'])}"
+    return _KINDS.get(kind, "another value")
+
+
+def _interval(schema: Mapping[str, Any], kind: str) -> str:
+    lowest = schema.get("minimum", schema.get("exclusiveMinimum"))
+    highest = schema.get("maximum", schema.get("exclusiveMaximum"))
+    if lowest is None and highest is None:
+        return kind
+    above = f"more than {lowest:g}" if "exclusiveMinimum" in schema else f"{lowest:g}" if lowest is not None else None
+    below = (
+        f"less than {highest:g}" if "exclusiveMaximum" in schema else f"{highest:.12g}" if highest is not None else None
+    )
+    if above is None:
+        return f"at most {below}"
+    if below is None:
+        return above if "exclusiveMinimum" in schema else f"at least {above}"
+    return f"{above} to {below}"

@@ -1,0 +1,64 @@
+"""`/health`: is the process alive, and can it predict. Never behind authentication."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from fastapi import APIRouter
+
+from model_store import StoreError
+from service.api.answers import LiveAnswer, LoadFailure, ModelIdentity, Probe, ReadyAnswer
+from service.api.errors import NotReadyError
+from service.api.execution import OverloadedError
+from service.api.openapi import problem_responses
+from service.api.problems import Slug
+from service.api.services import Parts, Services
+from service.errors import RoverTwinError
+from service.twin import Loaded, Scenario
+
+PROBE_TIMEOUT_S = 3.0
+_PROBE = Scenario(slope_deg=10.0, mass_kg=430.0, torque_nm=60.0, horizon_s=1.0)
+_PROBE_TIMES_S = np.array([0.0, 0.5, 1.0])
+
+router = APIRouter(prefix="/health", tags=["health"])
+
+
+@router.get("/live", summary="Is the process alive?")
+async def live() -> LiveAnswer:
+    """Answers as long as the event loop runs; restart the process when it does not."""
+    return LiveAnswer()
+
+
+@router.get("/ready", summary="Can it predict?", responses=problem_responses(Slug.NOT_READY))
+async def ready(parts: Parts) -> ReadyAnswer:
+    """Makes a small prediction with the default model, on the path that requests take."""
+    if parts.lifecycle.draining:
+        raise NotReadyError("the service is shutting down")
+    default = parts.settings.default_model
+    try:
+        loaded = await parts.storage.run(parts.registry.get, give_up_s=PROBE_TIMEOUT_S)
+        probe = await parts.predictions.run(lambda: _probe(loaded), give_up_s=PROBE_TIMEOUT_S)
+    except (RoverTwinError, StoreError) as error:
+        if isinstance(error, OverloadedError):
+            raise NotReadyError(str(error)) from error
+        raise NotReadyError(f"the default model {default} cannot predict: {error}") from error
+    except TimeoutError:
+        raise NotReadyError(f"the default model {default} gave no answer in {PROBE_TIMEOUT_S:g} s") from None
+    return ReadyAnswer(model=_identity(loaded), probe=probe, failures=_failures(parts))
+
+
+def _probe(loaded: Loaded) -> Probe:
+    began = time.perf_counter()
+    prediction = loaded.twin.predict(_PROBE, _PROBE_TIMES_S)
+    took_ms = (time.perf_counter() - began) * 1000
+    return Probe(final_x_m=prediction.summary.final_x_m, compute_ms=round(took_ms, 3))
+
+
+def _identity(loaded: Loaded) -> ModelIdentity:
+    return ModelIdentity(name=loaded.twin.name, version=loaded.twin.version, alias=loaded.alias)
+
+
+def _failures(parts: Services) -> list[LoadFailure]:
+    status = parts.registry.status()
+    return [LoadFailure(reference=reference, message=message) for reference, message in status.failures]

@@ -1,0 +1,131 @@
+"""`/v1/models`: what is published. Read from the store itself, so that it shows what was published a moment ago."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path
+from pydantic import BeforeValidator
+
+from model_store import AliasNotFoundError, AliasRecord, Manifest, ModelNotFoundError, ModelStore, layout
+from model_store.references import DEFAULT_ALIAS
+from service.api.answers import (
+    AliasAnswer,
+    AliasesAnswer,
+    AliasHistoryAnswer,
+    ModelAnswer,
+    ModelEntry,
+    ModelsAnswer,
+)
+from service.api.openapi import problem_responses
+from service.api.problems import Slug
+from service.api.services import Parts
+
+router = APIRouter(
+    prefix="/v1/models",
+    tags=["models"],
+    responses=problem_responses(
+        Slug.ARTEFACT_CORRUPT, Slug.UNSUPPORTED_FORMAT, Slug.STORE_UNAVAILABLE, Slug.OVERLOADED
+    ),
+)
+
+_NO_MODEL = problem_responses(Slug.MODEL_NOT_FOUND)
+_NO_ALIAS = problem_responses(Slug.MODEL_NOT_FOUND, Slug.ALIAS_NOT_FOUND)
+
+
+def _plain_integer(value: object) -> object:
+    """Versions are written in one way only: 3, not 03, +3 or 3.0."""
+    if isinstance(value, str) and layout.version_number(value) is None:
+        raise ValueError(f"a whole number from 1 to {layout.MAX_VERSION}")
+    return value
+
+
+Name = Annotated[str, Path(description="Name of a model.", examples=["viper-lunar"])]
+Alias = Annotated[str, Path(description="Name of an alias.", examples=[DEFAULT_ALIAS])]
+Version = Annotated[
+    int,
+    BeforeValidator(_plain_integer),
+    Path(ge=1, le=layout.MAX_VERSION, description="Number of a version.", examples=[1]),
+]
+
+
+@router.get("", summary="All models")
+async def list_models(parts: Parts) -> ModelsAnswer:
+    """Every model with its versions and aliases."""
+    return await parts.storage.run(lambda: _all_models(parts.store))
+
+
+@router.get("/{name}", summary="One model", responses=_NO_MODEL)
+async def get_model(name: Name, parts: Parts) -> ModelAnswer:
+    """A model with its versions, aliases and description."""
+    _require_name(name)
+    return await parts.storage.run(lambda: _described(parts.store, name))
+
+
+@router.get(
+    "/{name}/versions/{version}",
+    summary="The manifest of a version",
+    response_model=None,
+    responses=problem_responses(Slug.MODEL_NOT_FOUND, Slug.VERSION_NOT_FOUND, Slug.INVALID_INPUT)
+    | {200: {"model": Manifest, "description": "The manifest as it was published."}},
+)
+async def get_version(name: Name, version: Version, parts: Parts) -> dict[str, Any]:
+    """What the version is, where it holds, how good it is and what it was made from."""
+    _require_name(name)
+    manifest = await parts.storage.run(lambda: parts.store.manifest(name, version))
+    return manifest.model_dump(mode="json")
+
+
+@router.get("/{name}/aliases", summary="The aliases of a model", responses=_NO_MODEL)
+async def list_aliases(name: Name, parts: Parts) -> AliasesAnswer:
+    """Where each alias points now."""
+    _require_name(name)
+    records = await parts.storage.run(lambda: parts.store.aliases(name))
+    return AliasesAnswer(aliases={alias: _answer(record) for alias, record in records.items()})
+
+
+@router.get("/{name}/aliases/{alias}", summary="One alias", responses=_NO_ALIAS)
+async def get_alias(name: Name, alias: Alias, parts: Parts) -> AliasAnswer:
+    """Where the alias points now."""
+    _require_name(name, alias)
+    return _answer(await parts.storage.run(lambda: parts.store.alias(name, alias)))
+
+
+@router.get("/{name}/aliases/{alias}/history", summary="The history of an alias", responses=_NO_ALIAS)
+async def get_alias_history(name: Name, alias: Alias, parts: Parts) -> AliasHistoryAnswer:
+    """Every move of the alias, newest first."""
+    _require_name(name, alias)
+    records = await parts.storage.run(lambda: parts.store.alias_history(name, alias))
+    return AliasHistoryAnswer(history=[_answer(record) for record in reversed(records)])
+
+
+def _require_name(name: str, alias: str | None = None) -> None:
+    """In an address a malformed name is simply one that does not exist."""
+    if not layout.is_name(name):
+        raise ModelNotFoundError(f"no model '{name[:100]}': names have a-z, 0-9 and '-', at most 63 characters")
+    if alias is not None and not layout.is_alias(alias):
+        raise AliasNotFoundError(
+            f"model '{name}' has no alias '{alias[:100]}': aliases have a-z, 0-9 and '-' and start with a letter"
+        )
+
+
+def _all_models(store: ModelStore) -> ModelsAnswer:
+    return ModelsAnswer(models=[_entry(store, name) for name in store.model_names()])
+
+
+def _entry(store: ModelStore, name: str) -> ModelEntry:
+    aliases = {alias: record.version for alias, record in store.aliases(name).items()}
+    return ModelEntry(name=name, versions=store.versions(name), aliases=aliases)
+
+
+def _described(store: ModelStore, name: str) -> ModelAnswer:
+    entry = _entry(store, name)
+    shown = entry.aliases.get(DEFAULT_ALIAS, entry.versions[-1])
+    description = store.manifest(name, shown).description
+    return ModelAnswer(**entry.model_dump(), description=description)
+
+
+def _answer(record: AliasRecord) -> AliasAnswer:
+    return AliasAnswer(
+        version=record.version, seq=record.seq, time=record.time, actor=record.actor, reason=record.reason
+    )

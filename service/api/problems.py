@@ -1,0 +1,113 @@
+"""The closed table of problems: every error answer is one of these. `type` is stable, the words may improve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+PROBLEM_MEDIA_TYPE = "application/problem+json"
+_TYPE_PREFIX = "urn:rover-twin:problem:"
+
+
+class Slug(StrEnum):
+    """Short name of a problem, the end of its `type`."""
+
+    INVALID_INPUT = "invalid-input"
+    OUTSIDE_DOMAIN = "outside-domain"
+    MALFORMED_BODY = "malformed-body"
+    UNSUPPORTED_MEDIA_TYPE = "unsupported-media-type"
+    BODY_TOO_LARGE = "body-too-large"
+    NOT_ACCEPTABLE = "not-acceptable"
+    NOT_FOUND = "not-found"
+    MODEL_NOT_FOUND = "model-not-found"
+    VERSION_NOT_FOUND = "version-not-found"
+    ALIAS_NOT_FOUND = "alias-not-found"
+    METHOD_NOT_ALLOWED = "method-not-allowed"
+    ARTEFACT_CORRUPT = "artefact-corrupt"
+    UNSUPPORTED_FORMAT = "unsupported-format"
+    STORE_UNAVAILABLE = "store-unavailable"
+    NOT_READY = "not-ready"
+    OVERLOADED = "overloaded"
+    INTERNAL = "internal"
+
+
+@dataclass(frozen=True, slots=True)
+class ProblemKind:
+    """One row of the table: what happened in general, and what the caller can do about it."""
+
+    slug: Slug
+    status: int
+    title: str
+    meaning: str
+
+    @property
+    def type(self) -> str:
+        """The URI that identifies the problem."""
+        return _TYPE_PREFIX + self.slug
+
+
+_ROWS = (
+    ProblemKind(
+        Slug.INVALID_INPUT,
+        422,
+        "Invalid input",
+        "A field is missing, unknown, of the wrong kind or out of range; `errors` names each with what is allowed.",
+    ),
+    ProblemKind(
+        Slug.OUTSIDE_DOMAIN,
+        422,
+        "Outside the model's domain",
+        "`strict=true` was asked for and no training run is near the scenario; ask without it to get a verdict.",
+    ),
+    ProblemKind(Slug.MALFORMED_BODY, 400, "Malformed body", "The request body is not JSON; send one JSON object."),
+    ProblemKind(
+        Slug.UNSUPPORTED_MEDIA_TYPE,
+        415,
+        "Unsupported media type",
+        "The request body is of another kind; send `Content-Type: application/json`.",
+    ),
+    ProblemKind(Slug.BODY_TOO_LARGE, 413, "Body too large", "The request body is over the limit; send a smaller one."),
+    ProblemKind(
+        Slug.NOT_ACCEPTABLE,
+        406,
+        "Not acceptable",
+        "No format that `Accept` lists is available; ask for one that is, or use `format`.",
+    ),
+    ProblemKind(Slug.NOT_FOUND, 404, "Not found", "There is no such address; `/docs` lists those there are."),
+    ProblemKind(Slug.MODEL_NOT_FOUND, 404, "Model not found", "`GET /v1/models` lists the models there are."),
+    ProblemKind(
+        Slug.VERSION_NOT_FOUND, 404, "Version not found", "`GET /v1/models/{name}` lists the versions of a model."
+    ),
+    ProblemKind(
+        Slug.ALIAS_NOT_FOUND, 404, "Alias not found", "`GET /v1/models/{name}/aliases` lists the aliases of a model."
+    ),
+    ProblemKind(
+        Slug.METHOD_NOT_ALLOWED, 405, "Method not allowed", "The `Allow` header lists the methods of this address."
+    ),
+    ProblemKind(
+        Slug.ARTEFACT_CORRUPT,
+        503,
+        "Stored version unusable",
+        "What is stored is damaged or does not fit together; the operator restores it, other versions still answer.",
+    ),
+    ProblemKind(
+        Slug.UNSUPPORTED_FORMAT,
+        503,
+        "Stored version too new",
+        "The version was published by a newer release; the operator upgrades, other versions still answer.",
+    ),
+    ProblemKind(
+        Slug.STORE_UNAVAILABLE, 503, "Store unavailable", "The model store does not answer; try again a little later."
+    ),
+    ProblemKind(
+        Slug.NOT_READY, 503, "Not ready", "The default model cannot predict now; `detail` says why. Try again later."
+    ),
+    ProblemKind(
+        Slug.OVERLOADED, 503, "Overloaded", "Too many predictions are waiting; try again after `Retry-After` seconds."
+    ),
+    ProblemKind(
+        Slug.INTERNAL, 500, "Internal error", "A fault of the service; report it with the `X-Request-ID` of the answer."
+    ),
+)
+
+PROBLEMS = {row.slug: row for row in _ROWS}

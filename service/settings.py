@@ -1,0 +1,131 @@
+"""The service's settings, and the only place that reads the environment (`ROVER_TWIN_...`).
+
+Ranges of the public API (`LIMITS`) are no settings: a client may rely on them in every deployment.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, ValidationError
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+from model_store import parse_reference
+from service.allowed import allowed_values
+from service.errors import RoverTwinError
+
+PREFIX = "ROVER_TWIN_"
+
+
+class SettingsError(RoverTwinError, ValueError):
+    """A setting has a value that is not allowed; the message names variable, value and what is allowed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Ranges of what a client may ask, in the units of the API."""
+
+    slope_deg: float = 45.0  # either way; steeper is beyond the repose of any regolith
+    mass_kg: tuple[float, float] = (1.0, 10_000.0)
+    torque_nm: tuple[float, float] = (0.0, 10_000.0)
+    horizon_s: tuple[float, float] = (0.0001, 600.0)  # nothing is shorter than the finest step
+    dt_s: tuple[float, float] = (0.0001, 60.0)
+
+
+LIMITS = Limits()
+
+
+def _packaged_store() -> str:
+    """The models that ship with the service lie beside the modules of `model_store`."""
+    found = importlib.util.find_spec("model_store")
+    assert found is not None
+    assert found.origin is not None
+    return str(Path(found.origin).parent)
+
+
+def _reference(text: str) -> str:
+    parse_reference(text)
+    return text
+
+
+class Settings(BaseSettings):
+    """Everything an operator may choose; each field is read from `ROVER_TWIN_<FIELD>`."""
+
+    model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, extra="forbid", env_ignore_empty=True)
+
+    store_url: Annotated[str, Field(min_length=1)] = Field(
+        default_factory=_packaged_store,
+        description="Where models and datasets live: a directory, or a file://, s3://, gs:// or az:// URL.",
+    )
+    host: Annotated[str, Field(min_length=1)] = Field(
+        default="127.0.0.1", description="Address to listen on; the default is reachable from this machine only."
+    )
+    port: Annotated[int, Field(ge=0, le=65535)] = Field(
+        default=8000, description="TCP port to listen on; 0 takes any free one."
+    )
+    default_model: Annotated[
+        str,
+        AfterValidator(_reference),
+        Field(json_schema_extra={"x-allowed": "name, name@version or name@alias"}),
+    ] = Field(default="viper-lunar@champion", description="Model that answers when a request names none.")
+    max_resident_versions: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=4, description="Model versions kept in memory; the least recently used one makes room."
+    )
+    refresh_s: Annotated[float, Field(gt=0, le=60)] = Field(
+        default=0.5, description="Seconds between two looks at the store for aliases that moved."
+    )
+    max_points: Annotated[int, Field(ge=2, le=10_000_000)] = Field(
+        default=100_000, description="Most points of one trajectory."
+    )
+    max_body_bytes: Annotated[int, Field(ge=1024, le=1 << 30)] = Field(
+        default=64 * 1024, description="Largest request body in bytes."
+    )
+    threads: Annotated[int, Field(ge=1, le=1024)] | None = Field(
+        default=None, description="Threads for predictions; unset means as many as the CPU quota allows."
+    )
+    max_waiting: Annotated[int, Field(ge=0, le=100_000)] = Field(
+        default=256, description="Predictions that may wait for a thread; the next one is turned away with a 503."
+    )
+    max_connections: Annotated[int, Field(ge=16, le=1_000_000)] = Field(
+        default=2048, description="Connections served at once; the next one is turned away with a 503."
+    )
+    log_level: Literal["debug", "info", "warning", "error"] = Field(
+        default="info", description="Least severe messages that are logged."
+    )
+    log_format: Literal["console", "json"] = Field(
+        default="console", description="Log lines for people (console) or one JSON object per line (json)."
+    )
+    drain_s: Annotated[float, Field(ge=0, le=600)] = Field(
+        default=1.0, description="Seconds after SIGTERM in which readiness says 503 while requests are still taken."
+    )
+    shutdown_grace_s: Annotated[int, Field(ge=1, le=3600)] = Field(
+        default=30, description="Seconds that running requests get to finish before they are cut off."
+    )
+
+
+def load_settings(**overrides: Any) -> Settings:  # noqa: ANN401 - whatever the caller read from its command line
+    """Settings from `overrides` (those that are not None), then the environment, then the defaults.
+
+    Raises SettingsError with a one-line reason.
+    """
+    given = {name: value for name, value in overrides.items() if value is not None}
+    try:
+        return Settings(**given)
+    except ValidationError as error:
+        raise SettingsError(_reason(error, given)) from None
+
+
+def _reason(error: ValidationError, given: dict[str, Any]) -> str:
+    first = error.errors(include_url=False)[0]
+    name = str(first["loc"][0])
+    shown = name if name in given else f"{PREFIX}{name.upper()}"
+    known = Settings.model_json_schema()["properties"]
+    if name not in known:
+        return f"there is no setting {shown}; there are {', '.join(sorted(known))}"
+    reason = f"{shown} is {str(first['input'])[:100]!r}, allowed is {allowed_values(known[name])}"
+    if str(first["input"]).startswith("tcp://"):
+        reason += "; Kubernetes set this for a service named rover-twin: set enableServiceLinks: false in the pod"
+    return reason

@@ -1,0 +1,209 @@
+"""A real server on a free port, over a store with small published models made here."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+import torch
+
+from model_store import Lineage, ManifestDraft, ModelStore
+from service.api.services import Lifecycle
+from service.app import Server, create_app, server_config
+from service.learning.checkpoint import WEIGHTS_FILE, describe_model, weights_bytes
+from service.learning.domain import Domain
+from service.learning.inputs import InputSignature
+from service.learning.model import PhysicsInformedModel
+from service.learning.residuals import make_residual
+from service.physics.parameters import LUNAR_REGOLITH, VIPER
+from service.physics.priors import make_prior
+from service.physics.scenario import Scenarios
+from service.settings import Settings
+
+DOMAIN = {
+    "slope_deg": (10.0, 32.0),
+    "mass_kg": (300.0, 600.0),
+    "torque_nm": (30.0, 90.0),
+    "torque_ratio": (0.05, 2.0),
+    "horizon_s": (0.0, 600.0),
+}
+QUESTION = {"slope_deg": 28, "mass_kg": 430, "torque_nm": 60}
+
+
+def publish_version(
+    store: ModelStore,
+    name: str = "viper-lunar",
+    *,
+    coefficient: float = 0.1,
+    architecture: str = "zero",
+    scale: float = 1.0,
+) -> int:
+    """A version that answers the prior with this coefficient; `paper_network` adds random weights times `scale`."""
+    prior = make_prior("motor_slope", coefficient)
+    scenarios = Scenarios(np.radians([10.0, 32.0]), np.array([300.0, 600.0]), np.array([30.0, 90.0]))
+    signature = InputSignature.fitted(["time_s", "slope_deg"], scenarios, 10.0, VIPER, LUNAR_REGOLITH)
+    torch.manual_seed(0)
+    arguments = {"input_count": 2}
+    if architecture == "paper_network":
+        arguments |= {"output_scale_m": [0.01, 0.01], "x_form": "position"}
+    model = PhysicsInformedModel(prior, signature, make_residual(architecture, arguments))
+    with torch.no_grad():
+        for weights in model.residual.parameters():
+            weights *= scale
+    draft = ManifestDraft(
+        created_by="tests",
+        description=f"a small model with coefficient {coefficient}",
+        checkpoint=describe_model(model) | {"wheel_motion_resistance": 0.1},
+        domain=Domain(DOMAIN, VIPER, LUNAR_REGOLITH).describe(),
+        metrics={},
+        lineage=Lineage(),
+    )
+    return store.publish(name, {WEIGHTS_FILE: weights_bytes(model)}, draft).version
+
+
+def move_alias(store: ModelStore, version: int, alias: str = "champion", name: str = "viper-lunar") -> None:
+    store.move_alias(name, alias, version, actor="tests", reason="for a test")
+
+
+@dataclass
+class Running:
+    """A server that listens, and the store it reads."""
+
+    url: str
+    store: ModelStore
+    folder: Path
+    client: httpx.Client
+    lifecycle: Lifecycle
+
+    def get(self, path: str, **query: object) -> httpx.Response:
+        return self.client.get(path, params=query)
+
+    def predict(self, **query: object) -> httpx.Response:
+        return self.get("/v1/predictions", **(QUESTION | query))
+
+    def wait_ready(self, timeout_s: float = 10.0) -> httpx.Response:
+        deadline = time.monotonic() + timeout_s
+        while (answer := self.get("/health/ready")).status_code != 200 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert answer.status_code == 200, answer.text
+        return answer
+
+
+@contextmanager
+def serving(folder: Path, **settings: object) -> Iterator[Running]:
+    """Run the service over the store in `folder` until the block ends."""
+    store = ModelStore.open(str(folder), create=True)
+    chosen = Settings(store_url=str(folder), port=0, drain_s=0, **settings)
+    lifecycle = Lifecycle()
+    server = Server(server_config(create_app(chosen, lifecycle), chosen), lifecycle, 0.0)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        url = f"http://127.0.0.1:{listener.getsockname()[1]}"
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, name="uvicorn")
+        thread.start()
+        try:
+            deadline = time.monotonic() + 20
+            while not server.started and time.monotonic() < deadline:
+                time.sleep(0.01)
+            assert server.started
+            with httpx.Client(base_url=url, timeout=30, trust_env=False) as client:
+                yield Running(url, store, folder, client, lifecycle)
+        finally:
+            server.should_exit = True
+            thread.join(timeout=40)
+            assert not thread.is_alive()
+
+
+@pytest.fixture(scope="session")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A ready service with one model, two versions, champion on the first. Tests that change the store use `serve`."""
+    folder = tmp_path_factory.mktemp("store")
+    store = ModelStore.open(str(folder), create=True)
+    move_alias(store, publish_version(store))
+    publish_version(store, coefficient=0.2)
+    with serving(folder) as running:
+        running.wait_ready()
+        yield running
+
+
+Serve = Callable[..., Running]
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Serve]:
+    """Starts a service of the test's own over `tmp_path`; ended with the test."""
+    with ExitStack() as stack:
+        yield lambda **settings: stack.enter_context(serving(tmp_path / "store", **settings))
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> ModelStore:
+    """The store that `serve` serves."""
+    return ModelStore.open(str(tmp_path / "store"), create=True)
+
+
+@contextmanager
+def process_serving(store: ModelStore, **settings: object) -> Iterator[tuple[httpx.Client, subprocess.Popen[str]]]:
+    """Run the service in a process of its own, as an operator does; it is ready when the block begins."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    chosen = {"store_url": store.location, "port": port, "log_format": "json", "log_level": "warning"} | settings
+    environment = os.environ | {f"ROVER_TWIN_{name.upper()}": str(value) for name, value in chosen.items()}
+    with (
+        subprocess.Popen([sys.executable, "-c", RUN], env=environment, stderr=subprocess.PIPE, text=True) as process,
+        httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=60, trust_env=False) as client,
+    ):
+        try:
+            wait_until(lambda: client.get("/health/ready").status_code == 200, process)
+            yield client, process
+        finally:
+            process.kill()
+
+
+RUN = "from service.app import run_server; from service.settings import load_settings; run_server(load_settings())"
+
+
+def wait_until(condition: Callable[[], bool], process: subprocess.Popen[str], timeout_s: float = 60.0) -> None:
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        assert process.poll() is None, process.stderr.read() if process.stderr else ""
+        try:
+            if condition():
+                return
+        except httpx.TransportError:
+            pass
+        time.sleep(0.02)
+    raise AssertionError("it did not happen in time")
+
+
+@pytest.fixture
+def own_process(store: ModelStore) -> Iterator[Callable[..., tuple[httpx.Client, subprocess.Popen[str]]]]:
+    """Starts a process over `store`; gives its client and the process."""
+    with ExitStack() as stack:
+        yield lambda **settings: stack.enter_context(process_serving(store, **settings))
+
+
+@pytest.fixture
+def publish() -> Callable[..., int]:
+    return publish_version
+
+
+@pytest.fixture
+def move() -> Callable[..., None]:
+    return move_alias
+
+
+@pytest.fixture
+def question() -> dict[str, float]:
+    """A scenario inside the domain."""
+    return dict(QUESTION)

@@ -1,0 +1,27 @@
+"""One line per request, with the route's template and never the path or the query."""
+
+from __future__ import annotations
+
+import json
+import signal
+
+
+def test_each_request_is_one_json_line(store, publish, move, question, own_process):
+    move(store, publish(store))
+    client, process = own_process(log_level="info", drain_s=0)
+    asked = client.get("/v1/predictions", params=question, headers={"x-request-id": "asked-1"})
+    client.get("/v1/models/secret-name")
+    client.get("/secret-path")
+
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=20) in (0, -signal.SIGTERM)
+    text = process.stderr.read()
+
+    lines = [json.loads(line) for line in text.splitlines()]
+    requests = [line for line in lines if line["event"] == "request"]
+    assert asked.headers["x-request-id"] == "asked-1"
+    first = next(line for line in requests if line["request_id"] == "asked-1")
+    assert (first["method"], first["route"], first["status"]) == ("GET", "/v1/predictions", 200)
+    assert first["duration_ms"] > 0
+    assert [(line["route"], line["status"]) for line in requests[1:]] == [("/v1/models/{name}", 404), ("no route", 404)]
+    assert "secret" not in "".join(json.dumps(line) for line in requests)

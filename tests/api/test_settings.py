@@ -1,0 +1,78 @@
+"""Settings come from the environment, and a wrong one is told in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import model_store
+from service.settings import PREFIX, Settings, SettingsError, load_settings
+
+
+@pytest.fixture(autouse=True)
+def clean_environment(monkeypatch):
+    for field in Settings.model_fields:
+        monkeypatch.delenv(PREFIX + field.upper(), raising=False)
+
+
+def test_the_defaults_are_safe_and_every_field_has_a_sentence():
+    chosen = load_settings()
+
+    assert (chosen.host, chosen.port) == ("127.0.0.1", 8000)
+    assert Path(chosen.store_url) == Path(str(model_store.__file__)).parent
+    assert all(str(field.description).endswith(".") for field in Settings.model_fields.values())
+
+
+def test_an_argument_wins_over_the_environment(monkeypatch):
+    monkeypatch.setenv("ROVER_TWIN_PORT", "9000")
+
+    assert load_settings().port == 9000
+    assert load_settings(port=None).port == 9000
+    assert load_settings(port=9001).port == 9001
+
+
+def test_an_empty_variable_counts_as_unset(monkeypatch):
+    monkeypatch.setenv("ROVER_TWIN_PORT", "")
+
+    assert load_settings().port == 8000
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "allowed"),
+    [
+        ("port", "abc", "0 to 65535"),
+        ("port", "70000", "0 to 65535"),
+        ("refresh_s", "nan", "more than 0 to 60"),
+        ("refresh_s", "0", "more than 0 to 60"),
+        ("log_level", "loud", "one of debug, info, warning, error"),
+        ("log_format", "xml", "one of console, json"),
+        ("default_model", "No Such", "name@version"),
+        ("threads", "0", "1 to 1024"),
+        ("max_points", "1", "2 to 10000000"),
+        ("max_body_bytes", "x", "1024 to 1073741824"),
+    ],
+)
+def test_a_wrong_value_names_variable_value_and_range(monkeypatch, field, value, allowed):
+    monkeypatch.setenv(PREFIX + field.upper(), value)
+
+    with pytest.raises(SettingsError) as caught:
+        load_settings()
+
+    message = str(caught.value)
+    assert PREFIX + field.upper() in message
+    assert repr(value) in message
+    assert allowed in message
+    assert "\n" not in message
+
+
+def test_what_kubernetes_injects_is_recognised(monkeypatch):
+    monkeypatch.setenv("ROVER_TWIN_PORT", "tcp://10.0.0.1:8000")
+
+    with pytest.raises(SettingsError, match="enableServiceLinks"):
+        load_settings()
+
+
+def test_an_unknown_setting_lists_the_known_ones():
+    with pytest.raises(SettingsError, match=r"there is no setting prot; there are .*port"):
+        load_settings(prot=1)

@@ -1,0 +1,71 @@
+"""The published contract: a change of it must be seen in review, and must not be forgotten in the file.
+
+Refresh the file with `ROVER_TWIN_REFRESH_OPENAPI=1 pytest tests/contract` (`make openapi`).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+from service.api.inputs import PredictionInputs
+from service.api.problems import PROBLEMS
+from service.app import openapi_document
+
+SNAPSHOT = Path(__file__).with_name("openapi.json")
+
+
+def test_the_document_is_the_one_in_the_tree():
+    document = openapi_document()
+    if os.environ.get("ROVER_TWIN_REFRESH_OPENAPI"):
+        SNAPSHOT.write_text(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+
+    assert document == json.loads(SNAPSHOT.read_text()), "the API changed: run `make openapi` and note it in CHANGELOG"
+
+
+def test_every_number_has_its_range_unit_and_example():
+    operation = openapi_document()["paths"]["/v1/predictions"]["get"]
+    parameters = {each["name"]: each for each in operation["parameters"]}
+
+    assert set(parameters) == {*PredictionInputs.model_fields, "format"}
+    for name in ("slope_deg", "mass_kg", "torque_nm", "horizon_s", "dt_s"):
+        schema = parameters[name]["schema"]
+        assert "maximum" in schema, name
+        assert "minimum" in schema or "exclusiveMinimum" in schema, name
+        assert schema["examples"], name
+    assert all(parameter["description"] for parameter in parameters.values())
+
+
+def test_every_route_declares_its_problems_and_every_problem_is_declared_somewhere():
+    declared = set()
+    for path, operations in openapi_document()["paths"].items():
+        for operation in operations.values():
+            failures = {status: each for status, each in operation["responses"].items() if status >= "4"}
+            assert failures or path == "/health/live", path
+            for status, response in failures.items():
+                content = response["content"]
+                assert list(content) == ["application/problem+json"], (path, status)
+                examples = content["application/problem+json"]["examples"]
+                assert all(str(each["value"]["status"]) == status for each in examples.values())
+                declared |= set(examples)
+
+    # those two belong to addresses and methods that are in no document
+    assert declared == set(PROBLEMS) - {"not-found", "method-not-allowed"}
+
+
+def test_the_document_can_be_read_without_a_store():
+    references = set(_references(openapi_document()))
+
+    assert references
+    assert references <= {f"#/components/schemas/{name}" for name in openapi_document()["components"]["schemas"]}
+
+
+def _references(node):
+    if isinstance(node, dict):
+        yield from ([node["$ref"]] if isinstance(node.get("$ref"), str) else [])
+        for child in node.values():
+            yield from _references(child)
+    elif isinstance(node, list):
+        for child in node:
+            yield from _references(child)
