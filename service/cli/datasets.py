@@ -1,0 +1,206 @@
+"""`rover-twin datasets`: Chrono runs in and out of the store."""
+
+from __future__ import annotations
+
+import json as json_text
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from service.cli import options
+from service.cli.failures import ExitCode, RefusedError, UsageError
+from service.cli.file_progress import file_progress
+from service.cli.output import make_table, note, print_answer, print_json
+from service.cli.store_access import open_store
+
+if TYPE_CHECKING:
+    from service.datasets import Finding
+
+app = typer.Typer(
+    name="datasets",
+    help="Look at datasets of Chrono runs; validate, import and export folders of them.",
+    no_args_is_help=True,
+)
+
+Folder = Annotated[
+    Path,
+    typer.Argument(metavar="FOLDER", help="Folder with passport.json, runs.csv and the files that runs.csv lists."),
+]
+Identity = Annotated[
+    str, typer.Argument(metavar="ID", help="Id, unique start of an id (6 digits or more), or name of a dataset.")
+]
+Sets = Annotated[
+    list[str] | None, typer.Option("--set", help="Only the runs of this set of runs.csv. Repeatable. Default: all.")
+]
+Strict = Annotated[bool, typer.Option("--strict", help="Refuse the whole folder when any run is unusable.")]
+Columns = Annotated[
+    str | None,
+    typer.Option(
+        "--column-map",
+        metavar="JSON|PRESET",
+        help="Which column is which, where headers do not say: a preset (rover-twin, chrono-viper-slope, lander, "
+        'vehicle-python) or JSON such as {"time_s": 0, "rear_x_m": 1, "rear_y_m": 3, "zero_start": true} with '
+        "header names or 0-based indices.",
+    ),
+]
+
+
+@app.command("list")
+def list_datasets(store: options.Store = None, json: options.Json = False) -> None:
+    """List every dataset in the store.
+
+    Example:
+      rover-twin datasets list --store my-store
+    """
+    from service.cli.dataset_listing import datasets_table
+
+    opened = open_store(store)
+    records = [opened.dataset(identity) for identity in opened.dataset_ids()]
+    if json:
+        print_json({"datasets": [record.model_dump(mode="json") for record in records]})
+    else:
+        print_answer(datasets_table(records))
+
+
+@app.command("show")
+def show_dataset(dataset: Identity, store: options.Store = None, json: options.Json = False) -> None:
+    """Show one dataset: ranges of slope, mass, torque and time, its sets and columns, where it came from.
+
+    Examples:
+      rover-twin datasets show paper
+      rover-twin datasets show 3fa81c --json
+    """
+    from service.cli.dataset_listing import dataset_facts
+
+    record = open_store(store).dataset(dataset)
+    if json:
+        print_json(record.model_dump(mode="json"))
+    else:
+        print_answer(dataset_facts(record))
+
+
+@app.command("validate")
+def validate_folder(folder: Folder, sets: Sets = None, column_map: Columns = None, json: options.Json = False) -> None:
+    """Read a folder of Chrono runs and say, file by file, what can be used and why the rest cannot.
+
+    Nothing is stored. Exit code 4 when any run is unusable.
+
+    Example:
+      rover-twin datasets validate my-runs
+    """
+    from service.datasets import RejectedDatasetError, read_folder
+
+    mapping = read_column_map(column_map)
+    try:
+        with file_progress("reading") as progress:
+            _, report = read_folder(folder, sets=sets, column_map=mapping, progress=progress)
+    except RejectedDatasetError as error:
+        report = error.report
+    if json:
+        print_json(report.as_json())
+    else:
+        print_answer(_findings_table(report.findings))
+        print(f"{len(report.accepted)} runs usable, {len(report.rejected)} not")
+    if report.rejections:
+        raise typer.Exit(ExitCode.REFUSED)
+
+
+@app.command("import")
+def import_runs(
+    folder: Folder,
+    name: Annotated[str, typer.Option(help="Name for people: letters, digits, . _ and -.")],
+    sets: Sets = None,
+    strict: Strict = False,
+    column_map: Columns = None,
+    description: Annotated[str, typer.Option(help="A sentence for people, kept with the dataset.")] = "",
+    actor: options.Actor = None,
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Validate a folder of Chrono runs and store what is usable as a dataset.
+
+    Its id is a digest of passport and runs: the same runs are the same dataset, however often they are imported.
+    Unusable runs are left out, with their reasons on stderr; with --strict they stop the import (exit code 4).
+
+    Examples:
+      rover-twin datasets import my-runs --name my-runs
+      rover-twin datasets import my-runs --name steep --set space --strict --store my-store
+    """
+    from service.datasets import RejectedDatasetError
+    from service.jobs.dataset_import import import_folder
+
+    mapping = read_column_map(column_map)
+    try:
+        with file_progress("reading") as progress:
+            record, report = import_folder(
+                open_store(store, create=True),
+                folder,
+                name=name,
+                created_by=options.actor_name(actor),
+                description=description,
+                sets=sets,
+                strict=strict,
+                column_map=mapping,
+                progress=progress,
+            )
+    except RejectedDatasetError as error:
+        raise RefusedError(f"{error} (`rover-twin datasets validate {folder}` lists all reasons)") from error
+    for finding in report.rejections:
+        note(f"left out: {finding}")
+    if json:
+        print_json({"dataset": record.model_dump(mode="json"), "report": report.as_json()})
+        return
+    also = f", stored before as {record.name}" if record.name != name else ""
+    print(f"dataset {record.id} ({name}{also}): {len(report.accepted)} runs, {len(report.rejected)} left out")
+
+
+@app.command("export")
+def export_dataset(
+    dataset: Identity,
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to make; it must not exist yet.")],
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Write a dataset as a folder of text files: passport.json, runs.csv and runs/*.csv.gz.
+
+    `rover-twin datasets import` reads the folder back to the very same dataset: that is checked before the folder
+    appears.
+
+    Example, then train on your own copy of the runs:
+      rover-twin datasets export paper my-runs
+      rover-twin datasets import my-runs --name my-runs --store my-store
+    """
+    from service.cli.dataset_export import export_folder
+
+    opened = open_store(store)
+    record = opened.dataset(dataset)
+    with file_progress("writing") as progress:
+        exported = export_folder(opened, record.id, folder, progress)
+    if json:
+        print_json({"id": record.id, "folder": str(folder), "runs": exported.runs, "column_map": exported.column_map})
+        return
+    print(f"wrote {exported.runs} runs of dataset {record.id} to {folder}")
+    if exported.column_map:
+        note(f"import it with --column-map {exported.column_map}: its passport has a column map for other files")
+
+
+def read_column_map(text: str | None) -> str | Mapping[str, str | int] | None:
+    """A preset's name, or JSON. Raises UsageError for text that is neither."""
+    if text is None or not text.lstrip().startswith("{"):
+        return text
+    try:
+        mapping = json_text.loads(text)
+    except ValueError as error:
+        raise UsageError(f"--column-map is not JSON: {error}") from error
+    return dict(mapping)
+
+
+def _findings_table(findings: tuple[Finding, ...]) -> Table:
+    table = make_table("severity", "file", "line", "column", "code", "what", left=6)
+    for each in findings:
+        row = "" if each.row is None else str(each.row)
+        table.add_row(str(each.severity), each.file, row, each.column or "", str(each.code), each.message)
+    return table

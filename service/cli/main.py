@@ -1,0 +1,88 @@
+"""`rover-twin`: the command line put together, and its errors turned into one line and an exit code."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import typer
+from typer.main import get_command
+
+import service
+from service.cli import datasets, evaluate, models, openapi, predict, serve, train
+from service.cli.failures import EXIT_CODES_HELP, ExitCode, failure_of
+from service.cli.output import note
+
+PROGRAM = "rover-twin"
+
+app = typer.Typer(
+    name=PROGRAM,
+    help="Where will the rover go on this slope, how sure are we, should it drive? "
+    "Predict, train and serve digital twins of a rover on regolith.",
+    epilog=EXIT_CODES_HELP,
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+)
+
+
+@dataclass(slots=True)
+class Session:
+    """What the options before the command say."""
+
+    debug: bool = False
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"{PROGRAM} {service.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _program(
+    context: typer.Context,
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback when a command fails.")] = False,
+    _version: Annotated[
+        bool,
+        typer.Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True),
+    ] = False,
+) -> None:
+    session: Session = context.obj
+    session.debug = debug
+
+
+app.command("serve")(serve.serve)
+app.command("predict")(predict.predict)
+app.command("train")(train.train)
+app.command("evaluate")(evaluate.evaluate)
+app.add_typer(models.app)
+app.add_typer(datasets.app)
+app.command("openapi")(openapi.openapi)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code (see `ExitCode`). Answers go to stdout, everything else to stderr."""
+    session = Session()
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = get_command(app).main(args=given, prog_name=PROGRAM, standalone_mode=False, obj=session)
+    except KeyboardInterrupt:
+        code = ExitCode.INTERRUPTED
+    except Exception as error:
+        return _report(error, session)
+    if code == ExitCode.INTERRUPTED:
+        note("interrupted")
+    return int(code or ExitCode.DONE)
+
+
+def _report(error: Exception, session: Session) -> int:
+    if type(error).__name__ == "NoArgsIsHelpError":  # the help has been printed
+        return ExitCode.USAGE
+    if session.debug:
+        traceback.print_exception(error)
+    failure = failure_of(error)
+    note(f"error: {failure.message}")
+    return failure.code

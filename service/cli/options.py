@@ -1,0 +1,43 @@
+"""Options that several commands share, so that they read the same everywhere."""
+
+from __future__ import annotations
+
+import getpass
+from typing import Annotated
+
+import typer
+
+Store = Annotated[
+    str | None,
+    typer.Option(
+        "--store",
+        metavar="URL",
+        help="Where models and datasets live: a directory, or a file://, s3://, gs:// or az:// URL. "
+        "Default: ROVER_TWIN_STORE_URL, else the store that ships with the program.",
+        show_default=False,
+    ),
+]
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of text.")]
+
+Actor = Annotated[
+    str | None,
+    typer.Option("--actor", help="Who does it, for the record. Default: your login name.", show_default=False),
+]
+
+Reason = Annotated[str, typer.Option("--reason", help="Why, for the record: one sentence.")]
+
+Datasets = Annotated[
+    list[str],
+    typer.Option("--dataset", metavar="ID", help="Id, unique start of an id, or name of a dataset. Repeatable."),
+]
+
+
+def actor_name(given: str | None) -> str:
+    """The name that goes on record: as given, else the login name."""
+    if given is not None:
+        return given
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a container's user may have no name
+        return "unknown"

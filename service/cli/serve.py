@@ -1,0 +1,59 @@
+"""`rover-twin serve`: the HTTP service."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import typer
+
+from service.cli import options
+from service.cli.failures import ServerError
+
+
+def serve(
+    host: Annotated[
+        str | None,
+        typer.Option(help="Address to listen on. Default: ROVER_TWIN_HOST, else 127.0.0.1.", show_default=False),
+    ] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(help="TCP port, 0 for any free one. Default: ROVER_TWIN_PORT, else 8000.", show_default=False),
+    ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME[@VERSION|@ALIAS]",
+            help="Model that answers when a request names none. Default: viper-lunar@champion.",
+            show_default=False,
+        ),
+    ] = None,
+    threads: Annotated[
+        int | None,
+        typer.Option(help="Threads for predictions. Default: as many as the CPU quota allows.", show_default=False),
+    ] = None,
+    log_level: Annotated[
+        Literal["debug", "info", "warning", "error"] | None,
+        typer.Option(help="Least severe messages to log. Default: info.", show_default=False),
+    ] = None,
+    store: options.Store = None,
+) -> None:
+    """Serve predictions over HTTP until Ctrl-C. Every option is also a setting, ROVER_TWIN_<NAME>.
+
+    Examples:
+    The shipped model on this machine, then a first call:
+      rover-twin serve
+      curl "http://127.0.0.1:8000/v1/predictions?slope_deg=28&mass_kg=430&torque_nm=60"
+
+    Your own model for the whole network:
+      rover-twin serve --host 0.0.0.0 --store my-store --model my-rover@champion
+    """
+    from service.app import run_server
+    from service.settings import load_settings
+
+    settings = load_settings(
+        host=host, port=port, default_model=model, threads=threads, log_level=log_level, store_url=store
+    )
+    try:
+        run_server(settings)
+    except SystemExit as error:  # uvicorn's way to say that it cannot listen, with exit codes of its own
+        raise ServerError(f"the server on {settings.host}:{settings.port} ended; its log above says why") from error

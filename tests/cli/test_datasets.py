@@ -1,0 +1,144 @@
+"""`datasets`: folders in and out, with reasons."""
+
+from __future__ import annotations
+
+import json
+import re
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from model_store import DatasetDraft, ModelStore
+from service.cli.failures import ExitCode
+from service.datasets import Dataset, Run, dataset_id, parse_passport, to_parquet
+from tests.cli.conftest import PASSPORT, call, write_runs
+
+
+def test_list_and_show_agree(small_store):
+    listed = call("datasets", "list", "--json", "--store", small_store).json["datasets"]
+    assert [each["name"] for each in listed] == ["small"]
+    shown = call("datasets", "show", listed[0]["id"][:8], "--json", "--store", small_store).json
+    assert shown == listed[0]
+    assert listed[0]["id"][:12] in call("datasets", "list", "--store", small_store).out
+    assert "20 to 26" in call("datasets", "show", "small", "--store", small_store).out
+
+
+def test_import_makes_the_store_and_takes_only_the_set(tmp_path):
+    folder = write_runs(tmp_path / "runs")
+    words = ("--name", "steep", "--set", "steep", "--actor", "me", "--store", tmp_path / "new" / "store")
+    imported = call("datasets", "import", folder, *words, "--json").json
+    assert imported["dataset"]["summary"]["runs"] == 2
+    assert imported["dataset"]["created_by"] == "me"
+
+
+def test_the_same_runs_are_the_same_dataset(tmp_path, store):
+    folder = write_runs(tmp_path / "runs")
+    again = call("datasets", "import", folder, "--name", "other", "--store", store)
+    assert again.code == 0
+    assert "stored before as small" in again.out
+    assert len(call("datasets", "list", "--json", "--store", store).json["datasets"]) == 1
+
+
+def test_a_bad_run_is_left_out_or_with_strict_refused(tmp_path):
+    folder = write_runs(tmp_path / "runs", spoil=24.0)
+    lax = call("datasets", "import", folder, "--name", "a", "--store", tmp_path / "store")
+    assert lax.code == 0
+    assert "3 runs, 1 left out" in lax.out
+    assert re.search(r"left out: runs/s24.csv.gz line \d+ column rear_y_m: nan", lax.err)
+    strict = call("datasets", "import", folder, "--name", "b", "--strict", "--store", tmp_path / "strict")
+    assert strict.code == ExitCode.REFUSED
+    assert "s24.csv.gz" in strict.error
+    assert call("datasets", "list", "--json", "--store", tmp_path / "strict").json == {"datasets": []}
+
+
+def test_validate_tells_and_stores_nothing(tmp_path):
+    good, bad = write_runs(tmp_path / "good"), write_runs(tmp_path / "bad", spoil=20.0)
+    assert call("datasets", "validate", good).code == 0
+    told = call("datasets", "validate", bad, "--json")
+    assert told.code == ExitCode.REFUSED
+    assert told.json["rejected"] == ["runs/s20.csv.gz"]
+    assert "non-finite" in call("datasets", "validate", bad).out
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        (("import", "FOLDER", "--name", "x/y"), ExitCode.USAGE, "name"),
+        (("import", "FOLDER", "--name", "x", "--set", "flat"), ExitCode.USAGE, "flat"),
+        (("import", "FOLDER", "--name", "x", "--column-map", "unheard-of"), ExitCode.USAGE, "unheard-of"),
+        (("import", "FOLDER", "--name", "x", "--column-map", "{time"), ExitCode.USAGE, "not JSON"),
+        (("import", "FOLDER/absent", "--name", "x"), ExitCode.FAILED, "passport.json"),
+        (("show", "absent"), ExitCode.NOT_FOUND, "absent"),
+        (("export", "absent", "FOLDER/new"), ExitCode.NOT_FOUND, "absent"),
+        (("export", "small", "FOLDER"), ExitCode.USAGE, "exists"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_errors(store, tmp_path, words, code, says):
+    folder = write_runs(tmp_path / "runs")
+    answer = call("datasets", *(word.replace("FOLDER", str(folder)) for word in words), "--store", store)
+    assert answer.code == code
+    assert says in answer.error
+    assert answer.out == ""
+
+
+def test_headerless_files_are_read_with_a_map(tmp_path):
+    folder = write_runs(tmp_path / "runs")
+    for file in (folder / "runs").iterdir():
+        import gzip
+
+        text = gzip.decompress(file.read_bytes()).partition(b"\n")[2]
+        file.write_bytes(text)
+    mapping = json.dumps({"time_s": 0, "rear_x_m": 1, "rear_y_m": 2})
+    assert call("datasets", "validate", folder).code == ExitCode.REFUSED
+    assert call("datasets", "validate", folder, "--column-map", mapping).code == 0
+
+
+def test_an_exported_folder_imports_as_the_same_dataset(small_store, tmp_path):
+    exported = call("datasets", "export", "small", tmp_path / "out", "--json", "--store", small_store).json
+    imported = call("datasets", "import", tmp_path / "out", "--name", "back", "--json", "--store", tmp_path / "store")
+    assert imported.json["dataset"]["id"] == exported["id"]
+    assert imported.json["report"]["rejected"] == []
+
+
+_NAMES = st.sampled_from(["a", "b c", "x.txt", "x.dat", "x.csv", "x.gz", "s20,5", 'q"q', "ä", "deep/er", "#1"])
+
+
+@settings(max_examples=15)
+@given(
+    names=st.lists(_NAMES, min_size=1, max_size=3, unique=True),
+    speed=st.floats(0.01, 0.3),
+    slope=st.floats(5, 44),
+    mapped=st.booleans(),
+)
+def test_export_and_import_keep_the_id(names, speed, slope, mapped):
+    """Either the folder reads back to the same id, or nothing is written: never another dataset."""
+    passport = PASSPORT | ({"column_map": "vehicle-python"} if mapped else {})
+    runs = [_run(name, speed * (1 + 0.1 * index), slope + index / 7) for index, name in enumerate(names)]
+    dataset = Dataset("any", parse_passport(json.dumps(passport).encode()), tuple(runs))
+    identity = dataset_id(dataset)
+    with tempfile.TemporaryDirectory() as root:
+        store, folder = Path(root, "store"), Path(root, "out")
+        files = {"runs.parquet": to_parquet(dataset), "passport.json": dataset.passport.canonical_json().encode()}
+        draft = DatasetDraft(name="any", created_by="tests")
+        ModelStore.open(store, create=True).put_dataset(identity, files, draft)
+        exported = call("datasets", "export", identity, folder, "--json", "--store", store)
+        if exported.code != 0:
+            assert exported.code == ExitCode.FAILED
+            assert "deep/er" in names  # a folder that all runs share is no part of their names
+            assert [each.name for each in Path(root).iterdir()] == ["store"]
+            return
+        column_map = exported.json["column_map"]
+        more = ("--column-map", column_map) if column_map else ()
+        back = call("datasets", "import", folder, "--name", "back", *more, "--json", "--store", Path(root, "other"))
+        assert back.json["dataset"]["id"] == identity
+
+
+def _run(name, speed, slope):
+    time = np.linspace(0.0, 2.0, 41)
+    columns = {"time_s": time, "rear_x_m": speed * time, "rear_y_m": np.full(41, 0.24), "speed_mps": np.full(41, speed)}
+    return Run(name, "a set", slope, 430.0, 60.0, 2.0, columns)

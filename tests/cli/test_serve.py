@@ -1,0 +1,40 @@
+"""`serve`: answers with the store and model that were asked for, and ends on Ctrl-C."""
+
+from __future__ import annotations
+
+import signal
+import socket
+
+import httpx
+
+from service.cli.failures import ExitCode
+from tests.cli.conftest import call, serve, start
+
+_QUERY = {"slope_deg": 22, "mass_kg": 430, "torque_nm": 60}
+
+
+def test_serves_until_interrupted(small_store):
+    serving = serve(small_store)
+    answer = httpx.get(f"{serving.address}/v1/predictions", params=_QUERY, timeout=30)
+    assert answer.json()["model"] == {"name": "rover", "version": 1, "alias": "champion"}
+    serving.process.send_signal(signal.SIGINT)
+    out, err = serving.process.communicate(timeout=30)
+    assert serving.process.returncode == ExitCode.INTERRUPTED
+    assert "Traceback" not in err
+    assert out == ""
+
+
+def test_settings_are_checked_before_anything_starts(small_store):
+    answer = call("serve", "--model", "not a model", "--store", small_store)
+    assert answer.code == ExitCode.USAGE
+    assert "not a model" in answer.error
+
+
+def test_a_port_in_use_is_a_failure_that_says_so(small_store):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        process = start("serve", "--port", port, "--model", "rover", "--store", small_store)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == ExitCode.FAILED
+    assert "in use" in err
+    assert err.splitlines()[-1].startswith(f"error: the server on 127.0.0.1:{port} ended")
