@@ -1,0 +1,121 @@
+"""What the service answers, as values: frozen dataclasses whose arrays are float64 and read-only.
+
+Frames: in `slope`, x runs along the slope (positive uphill) and y normal to it; in `world`, x is horizontal and z up.
+A trajectory therefore has `y_m` in the slope frame and `z_m` in the world frame; the other one is None.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Frame: TypeAlias = Literal["slope", "world"]
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """The question as the service understood it, defaults filled in. Torque is motor stall torque per wheel."""
+
+    slope_deg: float
+    mass_kg: float
+    torque_nm: float
+    horizon_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ModelIdentity:
+    """Which version answered, and the alias it was asked by (None when asked by number)."""
+
+    name: str
+    version: int
+    alias: str | None
+
+    def __str__(self) -> str:
+        return f"{self.name}@{self.version}"
+
+
+@dataclass(frozen=True, slots=True)
+class DomainReason:
+    """One input that lies outside the validated region, with the region's bounds in the input's own unit."""
+
+    field: str
+    value: float
+    lowest: float | None
+    highest: float | None
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """Whether the scenario lies where the model was validated; `reasons` is empty when inside."""
+
+    inside: bool
+    reasons: tuple[DomainReason, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The trajectory in a few numbers. `outcome` is climbs, stalls or slides.
+
+    The last coordinates are in the slope frame, whatever the prediction's own frame.
+    `slip_ratio` is None where the wheels stand still or the model does not know how they turn.
+    """
+
+    outcome: str
+    final_x_m: float
+    final_y_m: float
+    distance_m: float
+    mean_speed_m_s: float
+    slip_ratio: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """The closed-form trajectory without the learned correction, at the prediction's own times; arrays (N,)."""
+
+    name: str
+    x_m: Array
+    y_m: Array | None
+    z_m: Array | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """Where the rover goes: positions in metres at `time_s` in seconds, arrays (N,), the horizon last.
+
+    `prior` is there when asked for with `include=["prior"]`.
+    """
+
+    model: ModelIdentity
+    scenario: Scenario
+    frame: Frame
+    time_s: Array
+    x_m: Array
+    y_m: Array | None
+    z_m: Array | None
+    prior: Prior | None
+    domain: Domain
+    summary: Summary
+
+
+@dataclass(frozen=True, slots=True)
+class ModelInfo:
+    """A model, its published versions in rising order, and the version behind each alias."""
+
+    name: str
+    versions: tuple[int, ...]
+    aliases: Mapping[str, int]
+    description: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Readiness:
+    """The service can predict: `model` is the default it answers with, `failures` what it could not load."""
+
+    model: ModelIdentity
+    failures: tuple[object, ...]

@@ -1,0 +1,91 @@
+"""What both clients share about the network: timeouts, which failures are tried again, and their names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import httpx
+from tenacity import (
+    AsyncRetrying,
+    Retrying,
+    retry_if_exception,
+    stop_after_attempt,
+    wait_combine,
+    wait_exception,
+    wait_random_exponential,
+)
+
+from rover_twin_client.errors import (
+    ConnectionFailedError,
+    NotReadyError,
+    TimedOutError,
+    UnexpectedAnswerError,
+)
+
+DEFAULT_URL = "http://127.0.0.1:8000"
+# A service that is there accepts at once; an answer takes milliseconds, but a version asked for the first time
+# is read from its store first.
+DEFAULT_TIMEOUT = httpx.Timeout(connect=3.0, read=30.0, write=10.0, pool=10.0)
+DEFAULT_RETRIES = 2
+LONGEST_WAIT_S = 10.0  # a service that asks for more is reported instead of waited for
+HEADERS = {"Accept": "application/json", "User-Agent": "rover-twin-client"}
+
+
+def checked_url(base_url: str) -> httpx.URL:
+    """The base address; raises ValueError unless it is http(s)://host, with or without port and path."""
+    try:
+        url = httpx.URL(base_url)
+    except (httpx.InvalidURL, TypeError) as fault:
+        raise ValueError(f"base_url is {base_url!r}, which is no address: {fault}") from fault
+    if url.scheme not in ("http", "https") or not url.host or url.query or url.fragment:
+        raise ValueError(f"base_url is {base_url!r}, allowed is http://host:port or https://host/path")
+    return url
+
+
+def checked_retries(retries: int) -> int:
+    """The number of further tries; raises ValueError outside 0 to 10."""
+    if isinstance(retries, bool) or not isinstance(retries, int) or not 0 <= retries <= 10:
+        raise ValueError(f"retries is {retries!r}, allowed is 0 to 10")
+    return retries
+
+
+def retrying(retries: int) -> Retrying:
+    """Runs a function up to 1 + `retries` times; the last failure is raised as it is."""
+    return Retrying(stop=stop_after_attempt(1 + retries), wait=WAIT, retry=WORTH_ANOTHER_TRY, reraise=True)
+
+
+def async_retrying(retries: int) -> AsyncRetrying:
+    """`retrying` for coroutines."""
+    return AsyncRetrying(stop=stop_after_attempt(1 + retries), wait=WAIT, retry=WORTH_ANOTHER_TRY, reraise=True)
+
+
+@contextmanager
+def named_failures(base_url: httpx.URL) -> Iterator[None]:
+    """Turns httpx's errors into ours, naming the address."""
+    try:
+        yield
+    except httpx.TimeoutException as fault:
+        phase = type(fault).__name__
+        raise TimedOutError(f"{base_url} did not answer in time ({phase}); raise `timeout`?") from fault
+    except httpx.TransportError as fault:
+        raise ConnectionFailedError(f"cannot talk to {base_url}: {fault}; is the service running?") from fault
+    except httpx.RequestError as fault:  # what is left: a body that cannot be decoded
+        raise UnexpectedAnswerError(f"cannot read the answer of {base_url}: {fault}") from fault
+
+
+def _is_worth_another_try(fault: BaseException) -> bool:
+    # Every call is a GET, so repeating it is harmless. A 503 without Retry-After (a corrupt version, say) does
+    # not heal in seconds; one that took the whole timeout has cost the caller enough.
+    if isinstance(fault, NotReadyError):
+        return fault.retry_after_s is not None and fault.retry_after_s <= LONGEST_WAIT_S
+    return isinstance(fault, ConnectionFailedError)
+
+
+def _asked_wait_s(fault: BaseException) -> float:
+    return (fault.retry_after_s or 0.0) if isinstance(fault, NotReadyError) else 0.0
+
+
+WORTH_ANOTHER_TRY = retry_if_exception(_is_worth_another_try)
+# What the service asked for, plus up to 0.2, 0.4, ... 1 s at random, so that many clients do not return at once.
+WAIT = wait_combine(wait_exception(_asked_wait_s), wait_random_exponential(multiplier=0.2, max=1.0))

@@ -1,0 +1,135 @@
+"""From the service's JSON documents to the values of `answers`. Members that are not known here are ignored."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import Any, cast
+
+from rover_twin_client.answers import (
+    Domain,
+    DomainReason,
+    Frame,
+    ModelIdentity,
+    ModelInfo,
+    Prediction,
+    Prior,
+    Readiness,
+    Scenario,
+    Summary,
+)
+from rover_twin_client.document import Node
+from rover_twin_client.errors import UnexpectedAnswerError
+
+
+def prediction(answer: Node) -> Prediction:
+    """The answer of /v1/predictions; positions are in metres and times in seconds, as sent."""
+    frame = _frame(answer["frame"])
+    trajectory = answer["trajectory"]
+    time_s = trajectory["time_s"].array()
+    across = "y_m" if frame == "slope" else "z_m"
+    positions = {name: trajectory[name].array(time_s.size) for name in ("x_m", across)}
+    prior = answer.get("prior")
+    return Prediction(
+        model=_identity(answer["model"]),
+        scenario=_scenario(answer["scenario"]),
+        frame=frame,
+        time_s=time_s,
+        x_m=positions["x_m"],
+        y_m=positions.get("y_m"),
+        z_m=positions.get("z_m"),
+        prior=None if prior is None else _prior(prior, across, time_s.size),
+        domain=_domain(answer["domain"]),
+        summary=_summary(answer["summary"]),
+    )
+
+
+def models(answer: Node) -> list[ModelInfo]:
+    """The answer of /v1/models."""
+    return [model(item) for item in answer["models"].items()]
+
+
+def model(answer: Node) -> ModelInfo:
+    """The answer of /v1/models/{name}."""
+    description = answer.get("description")
+    return ModelInfo(
+        name=answer["name"].text(),
+        versions=tuple(sorted(version.whole() for version in answer["versions"].items())),
+        aliases=MappingProxyType({alias: v.whole() for alias, v in answer["aliases"].members()}),
+        description=None if description is None else description.text(),
+    )
+
+
+def manifest(answer: Node) -> dict[str, Any]:
+    """The answer of /v1/models/{name}/versions/{version}: the manifest as it was published."""
+    return {key: member.value for key, member in answer.members()}
+
+
+def readiness(answer: Node) -> Readiness:
+    """The answer of /health/ready when the service can predict."""
+    failures = answer.get("failures")
+    return Readiness(
+        model=_identity(answer["model"]),
+        failures=tuple(item.value for item in failures.items()) if failures else (),
+    )
+
+
+def _frame(node: Node) -> Frame:
+    if node.text() not in ("slope", "world"):
+        raise UnexpectedAnswerError(f"{node.path} is {node.value!r}, expected slope or world")
+    return cast("Frame", node.value)
+
+
+def _identity(node: Node) -> ModelIdentity:
+    alias = node.get("alias")
+    return ModelIdentity(
+        name=node["name"].text(), version=node["version"].whole(), alias=None if alias is None else alias.text()
+    )
+
+
+def _scenario(node: Node) -> Scenario:
+    return Scenario(
+        slope_deg=node["slope_deg"].number(),
+        mass_kg=node["mass_kg"].number(),
+        torque_nm=node["torque_nm"].number(),
+        horizon_s=node["horizon_s"].number(),
+    )
+
+
+def _prior(node: Node, across: str, length: int) -> Prior:
+    positions = {name: node[name].array(length) for name in ("x_m", across)}
+    return Prior(
+        name=node["name"].text(),
+        x_m=positions["x_m"],
+        y_m=positions.get("y_m"),
+        z_m=positions.get("z_m"),
+    )
+
+
+def _domain(node: Node) -> Domain:
+    return Domain(inside=node["inside"].flag(), reasons=tuple(_reason(item) for item in node["reasons"].items()))
+
+
+def _reason(node: Node) -> DomainReason:
+    return DomainReason(
+        field=node["field"].text(),
+        value=node["value"].number(),
+        lowest=_optional_number(node, "lowest"),
+        highest=_optional_number(node, "highest"),
+        detail=node["detail"].text(),
+    )
+
+
+def _summary(node: Node) -> Summary:
+    return Summary(
+        outcome=node["outcome"].text(),
+        final_x_m=node["final_x_m"].number(),
+        final_y_m=node["final_y_m"].number(),
+        distance_m=node["distance_m"].number(),
+        mean_speed_m_s=node["mean_speed_m_s"].number(),
+        slip_ratio=_optional_number(node, "slip_ratio"),
+    )
+
+
+def _optional_number(node: Node, key: str) -> float | None:
+    member = node.get(key)
+    return None if member is None else member.number()

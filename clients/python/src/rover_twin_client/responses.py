@@ -1,0 +1,107 @@
+"""From an HTTP status, headers and body to a JSON document or the error that names what went wrong. No I/O."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Any
+
+from rover_twin_client.document import Node
+from rover_twin_client.errors import (
+    FieldFault,
+    InvalidInputError,
+    NotFoundError,
+    NotReadyError,
+    OutsideDomainError,
+    Problem,
+    RefusedError,
+    RoverTwinError,
+    ServerError,
+    UnexpectedAnswerError,
+)
+
+SHOWN_CHARACTERS = 200  # of a body that is not ours: enough to recognise a proxy's page
+
+
+def document(status: int, headers: Mapping[str, str], content: bytes) -> Node:
+    """The JSON document of a successful answer; `headers` must compare names without case.
+
+    Raises UnexpectedAnswerError for 1xx to 3xx other than 200 and for what is not JSON, and the named error of
+    the status for 4xx and 5xx.
+    """
+    if status >= HTTPStatus.BAD_REQUEST:
+        raise failure(status, headers, content)
+    if status != HTTPStatus.OK:
+        raise UnexpectedAnswerError(f"the service answered HTTP {status}, expected 200: is base_url right?")
+    try:
+        return Node(json.loads(content))
+    except (ValueError, RecursionError) as fault:
+        raise UnexpectedAnswerError(f"the answer is not JSON: {_shown(content)!r}") from fault
+
+
+def failure(status: int, headers: Mapping[str, str], content: bytes) -> RoverTwinError:
+    """The error for a 4xx or 5xx answer, carrying its problem; bodies that are no problem get one made."""
+    problem = _problem(status, content)
+    message = f"{problem.detail or problem.title} (HTTP {status}, {problem.slug})"
+    if status == HTTPStatus.SERVICE_UNAVAILABLE:
+        return NotReadyError(message, problem, _retry_after_s(headers))
+    if status >= HTTPStatus.INTERNAL_SERVER_ERROR:
+        return ServerError(message, problem)
+    if status == HTTPStatus.NOT_FOUND:
+        return NotFoundError(message, problem)
+    if problem.slug == "outside-domain":
+        return OutsideDomainError(message, problem)
+    if status == HTTPStatus.UNPROCESSABLE_ENTITY:
+        return InvalidInputError(message, problem)
+    return RefusedError(message, problem)
+
+
+def _problem(status: int, content: bytes) -> Problem:
+    """Read leniently: a half-readable explanation of a failure is worth more than a second failure."""
+    members = _members(content)
+    faults = members.get("errors")
+    return Problem(
+        type=str(members.get("type", "about:blank")),
+        title=str(members.get("title", _phrase(status))),
+        status=status,
+        detail=str(members.get("detail", "" if members else _shown(content))),
+        instance=str(members["instance"]) if members.get("instance") is not None else None,
+        faults=tuple(_fault(fault) for fault in faults if isinstance(fault, dict)) if isinstance(faults, list) else (),
+        members=members,
+    )
+
+
+def _members(content: bytes) -> dict[str, Any]:
+    try:
+        answer = json.loads(content)
+    except (ValueError, RecursionError):
+        return {}
+    return answer if isinstance(answer, dict) else {}
+
+
+def _fault(members: Mapping[str, Any]) -> FieldFault:
+    allowed = members.get("allowed")
+    return FieldFault(
+        field=str(members.get("field", "")),
+        value=members.get("value"),
+        allowed=None if allowed is None else str(allowed),
+        message=str(members.get("message", "")),
+    )
+
+
+def _phrase(status: int) -> str:
+    try:
+        return HTTPStatus(status).phrase
+    except ValueError:
+        return f"HTTP {status}"
+
+
+def _retry_after_s(headers: Mapping[str, str]) -> float | None:
+    """Seconds of a Retry-After header; its date form needs both clocks to agree, so it counts as unsaid."""
+    value = headers.get("retry-after", "").strip()
+    return float(value) if value.isascii() and value.isdigit() else None
+
+
+def _shown(content: bytes) -> str:
+    return content[:SHOWN_CHARACTERS].decode("utf-8", errors="replace").strip()

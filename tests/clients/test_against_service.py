@@ -1,0 +1,234 @@
+"""The clients against the real service, started as an operator starts it, with its shipped model."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_twin_client import (
+    ConnectionFailedError,
+    InvalidInputError,
+    NotFoundError,
+    OutsideDomainError,
+    RoverTwin,
+    RoverTwinError,
+    TimedOutError,
+)
+
+REPOSITORY = Path(__file__).parents[2]
+START_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def service_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a running `rover-twin serve`, ready to predict."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    log = tmp_path_factory.mktemp("service") / "log.txt"
+    command = [sys.executable, "-m", "service", "serve", "--host", "127.0.0.1", "--port", str(port)]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("ROVER_TWIN_")}
+    with (
+        log.open("w") as sink,
+        subprocess.Popen(command, cwd=REPOSITORY, env=environment, stdout=sink, stderr=sink) as process,
+    ):
+        try:
+            wait_until_ready(f"http://127.0.0.1:{port}", process, log)
+            yield f"http://127.0.0.1:{port}"
+        finally:
+            process.terminate()
+
+
+def wait_until_ready(url: str, process: subprocess.Popen[bytes], log: Path) -> None:
+    deadline = time.monotonic() + START_S
+    with RoverTwin(url) as twin:
+        while True:
+            try:
+                twin.ready()
+            except RoverTwinError as error:
+                if process.poll() is not None or time.monotonic() > deadline:
+                    pytest.fail(f"the service did not become ready: {error}\n{log.read_text()[-3000:]}")
+            else:
+                return
+            time.sleep(0.1)
+
+
+@pytest.fixture(scope="module")
+def twin(service_url: str) -> Iterator[RoverTwin]:
+    """A client of the running service."""
+    with RoverTwin(service_url) as twin:
+        yield twin
+
+
+def test_the_readmes_scenario_is_answered_whole(twin: RoverTwin) -> None:
+    prediction = twin.predict(28, 430, 60, 10)
+
+    assert prediction.model.name == "viper-lunar"
+    assert prediction.model.alias == "champion"
+    assert prediction.frame == "slope"
+    assert (prediction.time_s[0], prediction.time_s[-1]) == (0.0, 10.0)
+    assert np.all(np.diff(prediction.time_s) > 0)
+    assert prediction.y_m is not None
+    assert prediction.x_m.size == prediction.y_m.size == prediction.time_s.size
+    assert prediction.prior is None
+    assert prediction.domain.inside
+    assert prediction.summary.final_x_m == pytest.approx(prediction.x_m[-1])
+
+
+def test_the_prior_comes_when_asked_for(twin: RoverTwin) -> None:
+    prediction = twin.predict(28, 430, 60, include=["prior"])
+
+    assert prediction.prior is not None
+    assert prediction.prior.x_m.size == prediction.time_s.size
+
+
+def test_the_sampling_is_the_one_asked_for_and_ends_at_the_horizon(twin: RoverTwin) -> None:
+    time_s = twin.predict(28, 430, 60, 1.0, dt_s=0.3).time_s
+
+    np.testing.assert_allclose(time_s, [0.0, 0.3, 0.6, 0.9, 1.0])
+
+
+def test_the_world_frame_is_the_slope_frame_turned_by_the_slope(twin: RoverTwin) -> None:
+    slope = twin.predict(28, 430, 60, include=["prior"])
+    world = twin.predict(28, 430, 60, include=["prior"], frame="world")
+    cosine, sine = np.cos(np.radians(28)), np.sin(np.radians(28))
+
+    for before, after in [(slope, world), (slope.prior, world.prior)]:
+        assert before is not None
+        assert after is not None
+        np.testing.assert_allclose(after.x_m, before.x_m * cosine - before.y_m * sine, atol=1e-9)
+        np.testing.assert_allclose(after.z_m, before.x_m * sine + before.y_m * cosine, atol=1e-9)
+
+
+def test_a_version_asked_for_by_number_answers_without_alias(twin: RoverTwin) -> None:
+    champion = twin.predict(28, 430, 60)
+
+    same = twin.predict(28, 430, 60, model=str(champion.model))
+
+    assert (same.model.name, same.model.version) == (champion.model.name, champion.model.version)
+    assert same.model.alias is None
+    np.testing.assert_array_equal(same.x_m, champion.x_m)
+
+
+def test_models_and_manifests_agree(twin: RoverTwin) -> None:
+    (listed,) = [model for model in twin.models() if model.name == "viper-lunar"]
+    one = twin.model("viper-lunar")
+
+    assert listed.versions == one.versions
+    assert listed.aliases["champion"] in listed.versions
+    assert twin.ready().model.version == listed.aliases["champion"]
+    manifest = twin.manifest("viper-lunar", listed.aliases["champion"])
+    assert (manifest["name"], manifest["version"]) == ("viper-lunar", listed.aliases["champion"])
+    assert "weights.safetensors" in manifest["files"]
+
+
+BAD = {
+    "slope_deg": [90, float("nan"), float("-inf")],
+    "mass_kg": [0, -430, 1e9, float("nan")],
+    "torque_nm": [-60, 1e9, float("inf")],
+    "horizon_s": [0, -1, 1e9, float("nan")],
+    "dt_s": [0, -1, 1e9, float("nan")],
+}
+
+
+@pytest.mark.parametrize(("field", "value"), [(field, value) for field, values in BAD.items() for value in values])
+def test_each_bad_value_comes_back_with_its_name_and_range(twin: RoverTwin, field: str, value: float) -> None:
+    asked = {"slope_deg": 28.0, "mass_kg": 430.0, "torque_nm": 60.0, "horizon_s": 10.0} | {field: value}
+
+    with pytest.raises(InvalidInputError) as caught:
+        twin.predict(**asked)
+
+    assert field in [fault.field for fault in caught.value.faults]
+    assert all(fault.allowed for fault in caught.value.faults)
+
+
+def test_outside_the_domain_is_a_verdict_and_an_error_when_strict(twin: RoverTwin) -> None:
+    verdict = twin.predict(45, 9000, 10)
+
+    assert not verdict.domain.inside
+    assert verdict.domain.reasons
+    with pytest.raises(OutsideDomainError):
+        twin.predict(45, 9000, 10, strict=True)
+
+
+def test_what_is_not_there_is_named(twin: RoverTwin) -> None:
+    cases = {
+        "model-not-found": lambda: twin.predict(28, 430, 60, model="nobody"),
+        "version-not-found": lambda: twin.manifest("viper-lunar", 9999),
+        "alias-not-found": lambda: twin.predict(28, 430, 60, model="viper-lunar@nobody"),
+    }
+    for slug, ask in cases.items():
+        with pytest.raises(NotFoundError) as caught:
+            ask()
+        assert caught.value.problem is not None
+        assert caught.value.problem.slug == slug
+
+
+def test_no_time_at_all_is_a_time_out(service_url: str) -> None:
+    with RoverTwin(service_url, timeout=1e-4) as twin, pytest.raises(TimedOutError):
+        twin.predict(28, 430, 60, 600, dt_s=0.01)
+
+
+def test_another_port_is_a_connection_error() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    with RoverTwin(f"http://127.0.0.1:{port}", retries=0) as twin, pytest.raises(ConnectionFailedError):
+        twin.ready()
+
+
+def test_the_shell_script_and_the_python_client_agree(service_url: str, twin: RoverTwin) -> None:
+    script = REPOSITORY / "clients" / "curl" / "predict.sh"
+    done = subprocess.run(
+        ["sh", str(script), "--csv", "28", "430", "60", "10"],
+        env=os.environ | {"ROVER_TWIN_URL": service_url},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    header, *rows = done.stdout.splitlines()
+    prediction = twin.predict(28, 430, 60, 10)
+
+    assert header == "time_s,x_m,y_m"
+    assert prediction.y_m is not None
+    expected = np.column_stack([prediction.time_s, prediction.x_m, prediction.y_m])
+    np.testing.assert_allclose([[float(cell) for cell in row.split(",")] for row in rows], expected, atol=1e-9)
+
+
+def test_the_shell_script_says_the_services_reason(service_url: str) -> None:
+    done = subprocess.run(
+        ["sh", str(REPOSITORY / "clients" / "curl" / "predict.sh"), "28", "-1", "60"],
+        env=os.environ | {"ROVER_TWIN_URL": service_url},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert "mass_kg" in done.stderr
+
+
+def test_the_examples_of_the_clients_readme_run(service_url: str) -> None:
+    text = (REPOSITORY / "clients" / "python" / "README.md").read_text(encoding="utf-8")
+    examples = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-W", "error", "-c", example.replace("http://127.0.0.1:8000", service_url)],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for example in examples
+    ]
+
+    assert len(outputs) == 2
+    assert re.search(r"viper-lunar@\d+ (climbs|stalls|slides)", outputs[0])
+    assert "mass_kg" in outputs[1]

@@ -1,0 +1,243 @@
+"""Both clients over real sockets: the same questions, the same answers, the same named failures."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import socket
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rover_twin_client import (
+    AsyncRoverTwin,
+    ConnectionFailedError,
+    InvalidInputError,
+    NotFoundError,
+    NotReadyError,
+    OutsideDomainError,
+    RefusedError,
+    RoverTwin,
+    ServerError,
+    TimedOutError,
+    UnexpectedAnswerError,
+)
+
+Ask = Callable[..., Any]
+
+
+def ask_sync(url: str, word: str, *args: Any, settings: dict[str, Any] | None = None, **options: Any) -> Any:
+    with RoverTwin(url, **settings or {}) as twin:
+        return getattr(twin, word)(*args, **options)
+
+
+def ask_async(url: str, word: str, *args: Any, settings: dict[str, Any] | None = None, **options: Any) -> Any:
+    async def ask() -> Any:
+        async with AsyncRoverTwin(url, **settings or {}) as twin:
+            return await getattr(twin, word)(*args, **options)
+
+    return asyncio.run(ask())
+
+
+@pytest.fixture(params=[ask_sync, ask_async], ids=["sync", "async"])
+def ask(request: pytest.FixtureRequest) -> Ask:
+    """Asks one question with a client of its own, synchronous or asynchronous."""
+    return request.param
+
+
+def test_a_prediction_arrives_as_arrays(ask: Ask, contract_service: Any) -> None:
+    prediction = ask(contract_service.url, "predict", 28, 430, 60)
+
+    assert prediction.scenario.horizon_s == 10.0
+    assert prediction.time_s[-1] == 10.0
+    np.testing.assert_allclose(prediction.x_m, 0.1 * prediction.time_s)
+    assert prediction.prior is None
+
+
+def test_options_reach_the_service(ask: Ask, contract_service: Any) -> None:
+    prediction = ask(contract_service.url, "predict", 28, 430, 60, 20, frame="world", include=["prior"])
+
+    assert prediction.frame == "world"
+    assert prediction.time_s[-1] == 20.0
+    assert prediction.z_m is not None
+    assert prediction.prior.name == "motor_slope"
+
+
+def test_models_versions_and_readiness(ask: Ask, contract_service: Any) -> None:
+    url = contract_service.url
+
+    assert [model.name for model in ask(url, "models")] == ["viper-lunar"]
+    assert ask(url, "model", "viper-lunar").description == "VIPER on lunar regolith"
+    assert ask(url, "manifest", "viper-lunar", 3)["format"] == "rover-twin-manifest"
+    assert ask(url, "ready").model.version == 3
+
+
+def test_a_refused_value_names_its_field_value_and_range(ask: Ask, contract_service: Any) -> None:
+    with pytest.raises(InvalidInputError, match="mass_kg") as caught:
+        ask(contract_service.url, "predict", 28, -1, 60)
+
+    (fault,) = caught.value.faults
+    assert (fault.field, fault.value, fault.allowed) == ("mass_kg", "-1.0", "1 to 10000")
+
+
+def test_not_a_number_is_the_services_to_refuse(ask: Ask, contract_service: Any) -> None:
+    with pytest.raises(InvalidInputError, match="mass_kg is nan"):
+        ask(contract_service.url, "predict", 28, float("nan"), 60)
+
+
+def test_strictness_turns_a_verdict_into_an_error(ask: Ask, contract_service: Any) -> None:
+    ask(contract_service.url, "predict", 44, 430, 60)
+    with pytest.raises(OutsideDomainError):
+        ask(contract_service.url, "predict", 44, 430, 60, strict=True)
+
+
+def test_what_is_not_there_is_a_lookup_error(ask: Ask, contract_service: Any) -> None:
+    url = contract_service.url
+    with pytest.raises(NotFoundError) as caught:
+        ask(url, "predict", 28, 430, 60, model="who@champion")
+    assert caught.value.problem is not None
+    assert caught.value.problem.slug == "model-not-found"
+    with pytest.raises(NotFoundError):
+        ask(url, "manifest", "viper-lunar", 9)
+    with pytest.raises(LookupError):
+        ask(url, "model", "who")
+
+
+FAILING = [
+    ("broken", ServerError, 1),
+    ("proxy-page", ServerError, 1),
+    ("throttled", RefusedError, 1),
+    ("redirect", UnexpectedAnswerError, 1),
+    ("website", UnexpectedAnswerError, 1),
+    ("other-api", UnexpectedAnswerError, 1),
+    ("bad-gzip", UnexpectedAnswerError, 1),
+    ("corrupt", NotReadyError, 1),
+    ("busy-for-long", NotReadyError, 1),
+    ("busy", NotReadyError, 3),
+]
+
+
+@pytest.mark.parametrize(("behaviour", "kind", "questions"), FAILING, ids=[name for name, *_ in FAILING])
+def test_each_misbehaviour_has_its_error_and_its_number_of_tries(
+    ask: Ask, contract_service: Any, fresh_hits: Counter[str], behaviour: str, kind: type, questions: int
+) -> None:
+    with pytest.raises(kind) as caught:
+        ask(f"{contract_service.url}/{behaviour}", "predict", 28, 430, 60, settings={"retries": 2})
+
+    assert type(caught.value) is kind
+    assert fresh_hits[behaviour] == questions
+
+
+def test_a_service_that_is_busy_once_is_asked_again(ask: Ask, contract_service: Any, fresh_hits: Counter[str]) -> None:
+    prediction = ask(f"{contract_service.url}/busy-once", "predict", 28, 430, 60)
+
+    assert prediction.summary.outcome == "climbs"
+    assert fresh_hits["busy-once"] == 2
+
+
+def test_no_retries_means_one_question(ask: Ask, contract_service: Any, fresh_hits: Counter[str]) -> None:
+    with pytest.raises(NotReadyError):
+        ask(f"{contract_service.url}/busy", "predict", 28, 430, 60, settings={"retries": 0})
+
+    assert fresh_hits["busy"] == 1
+
+
+def test_readiness_hears_the_no_at_once(ask: Ask, contract_service: Any, fresh_hits: Counter[str]) -> None:
+    with pytest.raises(NotReadyError) as caught:
+        ask(f"{contract_service.url}/busy", "ready")
+
+    assert caught.value.retry_after_s == 0.0
+    assert fresh_hits["busy"] == 1
+
+
+def test_a_slow_answer_times_out_as_told_and_is_not_repeated(
+    ask: Ask, contract_service: Any, fresh_hits: Counter[str]
+) -> None:
+    began = time.monotonic()
+    with pytest.raises(TimedOutError, match="in time"):
+        ask(f"{contract_service.url}/slow", "predict", 28, 430, 60, settings={"timeout": 0.2})
+
+    assert time.monotonic() - began < 0.9
+    assert fresh_hits["slow"] == 1
+
+
+def test_nobody_there_is_a_connection_error_soon(ask: Ask) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+    began = time.monotonic()
+
+    with pytest.raises(ConnectionFailedError, match=rf"127\.0\.0\.1:{port}.*is the service running"):
+        ask(f"http://127.0.0.1:{port}", "models")
+
+    assert time.monotonic() - began < 3
+
+
+def test_a_connection_that_breaks_once_is_made_again(ask: Ask) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as door, ThreadPoolExecutor() as pool:
+        answering = pool.submit(_hang_up_once_then_answer, door, b'{"models": []}')
+        models = ask(f"http://127.0.0.1:{door.getsockname()[1]}", "models")
+        answering.result(timeout=5)
+
+    assert models == []
+
+
+def _hang_up_once_then_answer(door: socket.socket, body: bytes) -> None:
+    door.accept()[0].close()
+    visitor, _ = door.accept()
+    with visitor:
+        visitor.recv(65536)
+        visitor.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: %d\r\n\r\n%s" % (len(body), body))
+
+
+@pytest.mark.parametrize(
+    "base_url", ["", "127.0.0.1:8000", "ftp://host", "http://", "http://h/?a=1", None, "http://host:port"]
+)
+@pytest.mark.parametrize("kind", [RoverTwin, AsyncRoverTwin])
+def test_an_address_that_is_none_is_refused_when_made(kind: type, base_url: Any) -> None:
+    with pytest.raises(ValueError, match="base_url is "):
+        kind(base_url)
+
+
+@pytest.mark.parametrize("retries", [-1, 11, 1.5, True])
+def test_retries_are_bounded(retries: Any) -> None:
+    with pytest.raises(ValueError, match=r"retries is .*, allowed is 0 to 10"):
+        RoverTwin(retries=retries)
+
+
+def test_one_client_serves_many_threads(contract_service: Any) -> None:
+    with RoverTwin(contract_service.url) as twin, ThreadPoolExecutor(8) as pool:
+        horizons = np.arange(6.0, 46.0)
+        answers = list(pool.map(lambda horizon: twin.predict(28, 430, 60, horizon), horizons))
+
+    assert [answer.time_s[-1] for answer in answers] == horizons.tolist()
+
+
+def test_one_client_serves_many_coroutines(contract_service: Any) -> None:
+    async def ask_many() -> list[Any]:
+        async with AsyncRoverTwin(contract_service.url) as twin:
+            return await asyncio.gather(*(twin.predict(28, 430, 60, horizon) for horizon in range(6, 46)))
+
+    assert [answer.time_s[-1] for answer in asyncio.run(ask_many())] == list(range(6, 46))
+
+
+def test_both_clients_have_the_same_words_and_arguments() -> None:
+    for word in ("predict", "models", "model", "manifest", "ready"):
+        one, other = getattr(RoverTwin, word), getattr(AsyncRoverTwin, word)
+        assert inspect.signature(one) == inspect.signature(other)
+        assert inspect.iscoroutinefunction(other)
+
+
+def test_importing_the_client_needs_none_of_the_services_weight() -> None:
+    heavy = {"torch", "pydantic", "fastapi", "service", "model_store"}
+    code = "import sys, rover_twin_client; print(*{name.split('.')[0] for name in sys.modules})"
+
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+
+    assert heavy.isdisjoint(loaded)
