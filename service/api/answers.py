@@ -104,11 +104,15 @@ class PredictionAnswer(BaseModel):
 
 
 class ModelEntry(BaseModel):
-    """A model with its published versions, rising, and the version that each alias points to."""
+    """A model with its published versions, rising, and the version that each alias points to.
+
+    `unreadable` says why the aliases of a model with a damaged record are not shown; null when all is well.
+    """
 
     name: str
     versions: list[int]
     aliases: dict[str, int]
+    unreadable: str | None = None
 
 
 class ModelAnswer(ModelEntry):

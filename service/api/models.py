@@ -7,7 +7,16 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path
 from pydantic import BeforeValidator
 
-from model_store import AliasNotFoundError, AliasRecord, Manifest, ModelNotFoundError, ModelStore, layout
+from model_store import (
+    AliasNotFoundError,
+    AliasRecord,
+    CorruptArtefactError,
+    Manifest,
+    ModelNotFoundError,
+    ModelStore,
+    UnsupportedFormatError,
+    layout,
+)
 from model_store.references import DEFAULT_ALIAS
 from service.api.answers import (
     AliasAnswer,
@@ -110,7 +119,15 @@ def _require_name(name: str, alias: str | None = None) -> None:
 
 
 def _all_models(store: ModelStore) -> ModelsAnswer:
-    return ModelsAnswer(models=[_entry(store, name) for name in store.model_names()])
+    return ModelsAnswer(models=[_listed(store, name) for name in store.model_names()])
+
+
+def _listed(store: ModelStore, name: str) -> ModelEntry:
+    """One damaged alias must not hide every model."""
+    try:
+        return _entry(store, name)
+    except (CorruptArtefactError, UnsupportedFormatError) as error:
+        return ModelEntry(name=name, versions=store.versions(name), aliases={}, unreadable=str(error))
 
 
 def _entry(store: ModelStore, name: str) -> ModelEntry:

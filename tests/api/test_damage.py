@@ -149,6 +149,9 @@ def test_a_damaged_alias_record_is_told(serve, store, publish, move):
     assert service.predict().json()["type"] == "urn:rover-twin:problem:artefact-corrupt"
     assert service.predict(model="viper-lunar@1").status_code == 200
     assert service.get("/v1/models/viper-lunar/aliases/champion").status_code == 503
+    (listed,) = service.get("/v1/models").json()["models"]
+    assert (listed["versions"], listed["aliases"]) == ([1], {})
+    assert "00000001.json" in listed["unreadable"]
 
 
 def test_an_answer_that_is_not_finite_is_never_sent(serve, store, publish, move):

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 def test_the_list_names_versions_and_aliases(service):
     assert service.get("/v1/models").json() == {
-        "models": [{"name": "viper-lunar", "versions": [1, 2], "aliases": {"champion": 1}}]
+        "models": [{"name": "viper-lunar", "versions": [1, 2], "aliases": {"champion": 1}, "unreadable": None}]
     }
 
 
