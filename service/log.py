@@ -7,7 +7,7 @@ import sys
 from typing import Literal
 
 import structlog
-from structlog.typing import Processor
+from structlog.typing import EventDict, Processor
 
 
 def configure_logging(level: str = "info", form: Literal["console", "json"] = "console") -> None:
@@ -17,6 +17,7 @@ def configure_logging(level: str = "info", form: Literal["console", "json"] = "c
         structlog.stdlib.add_logger_name,
         structlog.stdlib.add_log_level,
         structlog.stdlib.ExtraAdder(),
+        _without_colours,
         structlog.processors.TimeStamper(fmt="iso", utc=True),
     ]
     structlog.configure(
@@ -40,6 +41,12 @@ def configure_logging(level: str = "info", form: Literal["console", "json"] = "c
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(level.upper())
+
+
+def _without_colours(_logger: object, _method: str, event: EventDict) -> EventDict:
+    """Uvicorn adds its message a second time, with terminal colours."""
+    event.pop("color_message", None)
+    return event
 
 
 def _renderers(form: str) -> list[Processor]:

@@ -46,8 +46,9 @@ def unknown_field(field: str, value: object, allowed: str = _KNOWN_FIELDS) -> In
 
 
 def faults_of(errors: Sequence[Mapping[str, Any]]) -> list[InputFault]:
-    """The faults in pydantic's list of errors, at most 20 of them."""
-    return [_fault_of(error) for error in errors[:MAX_FAULTS]]
+    """The faults in pydantic's list of errors, at most 20, each field once (a union has an error for each member)."""
+    faults = {each.field: each for each in map(_fault_of, reversed(errors))}
+    return list(reversed(faults.values()))[:MAX_FAULTS]
 
 
 def summary_of(faults: Iterable[InputFault]) -> str:
@@ -73,7 +74,7 @@ def echo(value: object) -> object:
 def _fault_of(error: Mapping[str, Any]) -> InputFault:
     # the first part says where the field was (query, path, body); list positions say too little to be shown
     path = [part for part in error["loc"][1:] if isinstance(part, str)]
-    field = ".".join(path) or "body"
+    field = path[0] if path and path[0] in ALLOWED else ".".join(path) or "body"
     value = error.get("input")
     if error["type"] == "extra_forbidden":
         return unknown_field(field, value)

@@ -121,6 +121,16 @@ def test_a_wrong_choice_lists_the_right_ones(service, question, field, value):
     assert CHOICES[field] in fault["allowed"]
 
 
+@pytest.mark.parametrize("value", ["", "xml", "JSON"])
+def test_a_wrong_format_is_one_fault_that_lists_the_right_ones(service, question, value):
+    for answer in (
+        service.predict(format=value),
+        service.client.post("/v1/predictions", params={"format": value}, json=question),
+    ):
+        (fault,) = faults_in(answer, "format")
+        assert fault["allowed"] == "one of json, csv"
+
+
 @pytest.mark.parametrize("field", [*NUMBERS, "model", "frame", "strict", "format"])
 def test_a_field_given_twice_is_not_guessed_at(service, question, field):
     query = [*(question | {field: question.get(field, 1)}).items(), (field, 2)]
