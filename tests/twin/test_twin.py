@@ -108,4 +108,6 @@ def test_threads_get_the_answers_of_a_loop(learned, batch):
         return learned.predict(scenario, sample_times(scenario.horizon_s, 0.01)).summary.final_x_m
 
     with ThreadPoolExecutor(8) as pool:
-        assert list(pool.map(final, batch)) == [final(scenario) for scenario in batch]
+        together = list(pool.map(final, batch))
+    # to a micrometre: torch may cut the work of a product differently on another thread, which rounds differently
+    np.testing.assert_allclose(together, [final(scenario) for scenario in batch], atol=1e-6)
