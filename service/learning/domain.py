@@ -1,4 +1,4 @@
-"""The domain of a version: the ranges its training runs cover, and the verdict on a scenario."""
+"""The domain of a version: where its training runs lie, input by input and jointly, and the verdict on a scenario."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from service.learning.neighbourhood import NearestRun, Neighbourhood
 from service.learning.observed import ObservedRun, scenarios_of
 from service.physics.parameters import RegolithParameters, RoverParameters
 from service.physics.scenario import Scenarios
@@ -16,12 +17,17 @@ from service.physics.similarity import torque_ratio
 # Judged in this order. torque_ratio is torque/(mass g wheel radius): a mass inside and a torque inside can still be
 # a pair that no run was near (DESIGN section 4).
 FIELDS = ("slope_deg", "mass_kg", "torque_nm", "torque_ratio", "horizon_s")
-_UNITS = {"slope_deg": "deg", "mass_kg": "kg", "torque_nm": "N m", "torque_ratio": "", "horizon_s": "s"}
+# What is outside when every input is inside alone, and yet no run was near the combination of them.
+JOINT = "joint"
+_UNITS = {"slope_deg": "deg", "mass_kg": "kg", "torque_nm": "N m", "torque_ratio": "", "horizon_s": "s", JOINT: ""}
 
 
 @dataclass(frozen=True, slots=True)
 class DomainReason:
-    """One input that is outside: its value and the range the training runs cover."""
+    """One input that is outside: its value and the range the training runs cover.
+
+    For `joint` the value is the distance to the nearest run, `highest` what lies between neighbouring runs.
+    """
 
     field: str
     value: float
@@ -31,6 +37,12 @@ class DomainReason:
     @property
     def detail(self) -> str:
         """The reason as a sentence."""
+        if self.field == JOINT:
+            return (
+                f"joint: no training run is near this combination of slope, torque_ratio and mass; the nearest is at "
+                f"a scaled distance of {self.value:.3g}, {self.value - self.highest:.3g} above what separates "
+                f"neighbouring runs ({self.highest:.3g})"
+            )
         bound, side = (self.lowest, "below") if self.value < self.lowest else (self.highest, "above")
         unit = f" {_UNITS[self.field]}" if _UNITS[self.field] else ""
         return (
@@ -41,19 +53,28 @@ class DomainReason:
 
 @dataclass(frozen=True, slots=True)
 class DomainVerdict:
-    """Whether a scenario lies among the training runs, input by input."""
+    """Whether a scenario lies among the training runs, input by input and jointly.
+
+    `distance` is the scaled distance to the nearest of them; None, and no nearest runs, for a version without them.
+    """
 
     inside: bool
     reasons: tuple[DomainReason, ...]
+    distance: float | None = None
+    nearest_runs: tuple[NearestRun, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Domain:
-    """Lowest and highest value of each field in `FIELDS` among the training runs."""
+    """Lowest and highest value of each field in `FIELDS` among the training runs, and those runs.
+
+    Versions published before the runs were kept have no `neighbourhood`; they are judged input by input only.
+    """
 
     spans: Mapping[str, tuple[float, float]]
     rover: RoverParameters
     regolith: RegolithParameters
+    neighbourhood: Neighbourhood | None = None
 
     def __post_init__(self) -> None:
         for field in FIELDS:
@@ -64,8 +85,17 @@ class Domain:
                 raise ValueError(f"the domain's {field} is {lowest} to {highest}")
 
     @classmethod
-    def of_runs(cls, runs: Sequence[ObservedRun], rover: RoverParameters, regolith: RegolithParameters) -> Self:
-        """The ranges that the runs cover; every horizon from zero to the longest run is inside."""
+    def of_runs(
+        cls,
+        runs: Sequence[ObservedRun],
+        rover: RoverParameters,
+        regolith: RegolithParameters,
+        held_out_errors_m: Mapping[str, float] | None = None,
+    ) -> Self:
+        """The ranges that the runs cover; every horizon from zero to the longest run is inside.
+
+        `held_out_errors_m` maps runs to their final error when they were left out; what it lacks is not known.
+        """
         scenarios = scenarios_of(runs)
         columns = {
             "slope_deg": [run.slope_deg for run in runs],
@@ -74,25 +104,35 @@ class Domain:
             "torque_ratio": torque_ratio(rover, regolith, scenarios).tolist(),
             "horizon_s": [0.0, *(run.horizon_s for run in runs)],
         }
-        return cls({field: (min(values), max(values)) for field, values in columns.items()}, rover, regolith)
+        spans = {field: (min(values), max(values)) for field, values in columns.items()}
+        return cls(spans, rover, regolith, Neighbourhood.of_runs(runs, rover, regolith, held_out_errors_m))
 
     def judge(self, slope_deg: float, mass_kg: float, torque_nm: float, horizon_s: float) -> DomainVerdict:
         """The verdict on one scenario."""
-        ratio = float(torque_ratio(self.rover, self.regolith, Scenarios.of(slope_deg, mass_kg, torque_nm))[0])
+        scenario = Scenarios.of(slope_deg, mass_kg, torque_nm)
+        ratio = float(torque_ratio(self.rover, self.regolith, scenario)[0])
         values = dict(zip(FIELDS, (slope_deg, mass_kg, torque_nm, ratio, horizon_s), strict=True))
         reasons = tuple(
             DomainReason(field, value, *self.spans[field])
             for field, value in values.items()
             if not self.spans[field][0] <= value <= self.spans[field][1]
         )
-        return DomainVerdict(not reasons, reasons)
+        if self.neighbourhood is None:
+            return DomainVerdict(not reasons, reasons)
+        nearest = self.neighbourhood.nearest(scenario)
+        distance, limit = nearest[0].distance, self.neighbourhood.limit
+        if distance > limit:
+            reasons += (DomainReason(JOINT, distance, 0.0, limit),)
+        return DomainVerdict(not reasons, reasons, distance, nearest)
 
     def describe(self) -> dict[str, Any]:
-        """The ranges as JSON values."""
-        return {field: list(self.spans[field]) for field in FIELDS}
+        """Ranges and runs as JSON values."""
+        spans: dict[str, Any] = {field: list(self.spans[field]) for field in FIELDS}
+        return spans if self.neighbourhood is None else spans | self.neighbourhood.describe()
 
     @classmethod
     def restore(cls, description: Mapping[str, Any], rover: RoverParameters, regolith: RegolithParameters) -> Self:
         """Inverse of `describe`. Raises ValueError, KeyError or TypeError for a description that does not fit."""
         spans = {field: (float(description[field][0]), float(description[field][1])) for field in FIELDS}
-        return cls(spans, rover, regolith)
+        known = Neighbourhood.restore(description, rover, regolith) if "runs" in description else None
+        return cls(spans, rover, regolith, known)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
 import numpy as np
 
-from service.learning.model import PhysicsInformedModel
+from service.learning.model import TrajectoryModel
 from service.learning.observed import ObservedRun
+from service.physics.prior import Prior
 from service.physics.scenario import Positions
 
 
@@ -60,26 +61,30 @@ class RunEvaluation:
     prior: PositionErrors
 
 
-def evaluate(model: PhysicsInformedModel, runs: Sequence[ObservedRun]) -> list[RunEvaluation]:
-    """Errors on each run, at the run's own times."""
-    evaluations = []
-    for run in runs:
-        prior = model.prior.positions(run.scenario, run.time_s)
-        corrected = model.corrected(prior, run.scenario, run.time_s)
-        evaluations.append(
-            RunEvaluation(
-                run=run.name,
-                set_name=run.set_name,
-                slope_deg=run.slope_deg,
-                mass_kg=run.mass_kg,
-                torque_nm=run.torque_nm,
-                horizon_s=run.horizon_s,
-                final_x_m=float(run.x_m[-1]),
-                model=PositionErrors.between(corrected, run),
-                prior=PositionErrors.between(prior, run),
-            )
-        )
-    return evaluations
+def evaluate(model: TrajectoryModel, runs: Sequence[ObservedRun]) -> list[RunEvaluation]:
+    """Errors of the model on each run, at the run's own times."""
+    return [_evaluate_run(model.prior, run, model.positions(run.scenario, run.time_s)) for run in runs]
+
+
+def evaluate_positions(
+    prior: Prior, runs: Sequence[ObservedRun], positions: Mapping[str, Positions]
+) -> list[RunEvaluation]:
+    """Errors of positions that were predicted elsewhere, by run name, each of shape (1, time) at the run's times."""
+    return [_evaluate_run(prior, run, positions[run.name]) for run in runs]
+
+
+def _evaluate_run(prior: Prior, run: ObservedRun, predicted: Positions) -> RunEvaluation:
+    return RunEvaluation(
+        run=run.name,
+        set_name=run.set_name,
+        slope_deg=run.slope_deg,
+        mass_kg=run.mass_kg,
+        torque_nm=run.torque_nm,
+        horizon_s=run.horizon_s,
+        final_x_m=float(run.x_m[-1]),
+        model=PositionErrors.between(predicted, run),
+        prior=PositionErrors.between(prior.positions(run.scenario, run.time_s), run),
+    )
 
 
 _SUMMARISED = ("final_m", "maximum_m", "rmse_m", "rmse_x_m", "rmse_y_m")

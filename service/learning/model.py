@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -14,6 +15,23 @@ from service.physics.scenario import Array, Positions, Scenarios
 
 # Rows that go through the network together, so that the activations of its widest layer stay in cache.
 _ROWS_AT_ONCE = 1024
+
+
+class TrajectoryModel(Protocol):
+    """What a twin needs of a model: trajectories of scenarios, and the prior that they are compared with."""
+
+    @property
+    def prior(self) -> Prior:
+        """The physics that the model starts from; it holds rover and regolith."""
+        ...
+
+    def positions(self, scenarios: Scenarios, time_s: Array) -> Positions:
+        """Positions (m) at `time_s` of shape (time,); the answer has shape (scenario, time)."""
+        ...
+
+    def corrected(self, prior: Positions, scenarios: Scenarios, time_s: Array) -> Positions:
+        """The same for callers who have the prior's positions at those scenarios and times already."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)

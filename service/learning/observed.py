@@ -15,7 +15,9 @@ from service.physics.scenario import Array, Scenarios
 class ObservedRun:
     """One run: `scenario` holds exactly one scenario; `time_s`, `x_m`, `y_m` have shape (time,).
 
-    `mean_wheel_speed_rad_s` is the spin of the wheels averaged over the run, where the simulation recorded it.
+    `mean_wheel_speed_rad_s` is the spin of the wheels averaged over the run, `rear_wheel_speed_rad_s` and
+    `front_wheel_speed_rad_s` (time,) that of each axle, `body_speed_m_s` (time,) how fast the rover's body moves along
+    the slope, where the simulation recorded them.
     Raises ValueError for columns of different lengths, fewer than two rows or values that are not finite.
     """
 
@@ -26,6 +28,9 @@ class ObservedRun:
     x_m: Array
     y_m: Array
     mean_wheel_speed_rad_s: float | None = None
+    rear_wheel_speed_rad_s: Array | None = None
+    front_wheel_speed_rad_s: Array | None = None
+    body_speed_m_s: Array | None = None
 
     def __post_init__(self) -> None:
         if len(self.scenario) != 1:
@@ -34,6 +39,9 @@ class ObservedRun:
             raise ValueError(f"run {self.name}: time_s, x_m and y_m must have the same length, at least 2")
         if not (np.isfinite(self.time_s).all() and np.isfinite(self.x_m).all() and np.isfinite(self.y_m).all()):
             raise ValueError(f"run {self.name} has values that are not finite")
+        for speed in (self.rear_wheel_speed_rad_s, self.front_wheel_speed_rad_s, self.body_speed_m_s):
+            if speed is not None and (len(speed) != len(self.time_s) or not np.isfinite(speed).all()):
+                raise ValueError(f"run {self.name}: recorded speeds must be finite and as many as time_s")
 
     @property
     def horizon_s(self) -> float:
@@ -65,7 +73,14 @@ class ObservedRun:
             self.x_m[selection],
             self.y_m[selection],
             self.mean_wheel_speed_rad_s,
+            _selected(self.rear_wheel_speed_rad_s, selection),
+            _selected(self.front_wheel_speed_rad_s, selection),
+            _selected(self.body_speed_m_s, selection),
         )
+
+
+def _selected(column: Array | None, selection: slice | npt.NDArray[np.intp]) -> Array | None:
+    return None if column is None else column[selection]
 
 
 def scenarios_of(runs: Sequence[ObservedRun]) -> Scenarios:

@@ -2,11 +2,15 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from service.learning.domain import Domain
+from service.learning.domain import FIELDS, Domain
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
-from tests.learning.synthetic import HORIZON_S, synthetic_runs
+from service.physics.scenario import Scenarios
+from tests.learning.synthetic import HORIZON_S, synthetic_run, synthetic_runs
 
 DOMAIN = Domain.of_runs(synthetic_runs(), VIPER, LUNAR_REGOLITH)
 
@@ -50,3 +54,88 @@ def test_survives_json():
 def test_a_description_that_does_not_fit_is_refused(description):
     with pytest.raises((KeyError, IndexError, ValueError)):
         Domain.restore(description, VIPER, LUNAR_REGOLITH)
+
+
+def gap_domain() -> Domain:
+    """Light rovers on gentle slopes, heavy ones on steep slopes, nothing between them or across."""
+    light = [synthetic_run(slope, mass, mass / 6) for slope in (0, 2, 4, 6) for mass in (300, 330, 360)]
+    heavy = [synthetic_run(slope, mass, mass / 6) for slope in (24, 26, 28, 30) for mass in (800, 850, 900)]
+    return Domain.of_runs([*light, *heavy], VIPER, LUNAR_REGOLITH, {light[0].name: 0.02})
+
+
+def test_a_combination_that_no_run_is_near_is_outside_though_every_input_is_inside():
+    verdict = gap_domain().judge(30, 300, 50, 4)
+
+    (reason,) = verdict.reasons
+    assert not verdict.inside
+    assert reason.field == "joint"
+    assert reason.value == verdict.distance > reason.highest
+    assert f"{verdict.distance - reason.highest:.3g} above what separates neighbouring runs" in reason.detail
+
+
+def test_the_joint_limit_is_what_leaving_runs_out_shows():
+    known = gap_domain().neighbourhood
+    gaps = []
+    for at, run in enumerate(known.runs):
+        distances = known.distances(Scenarios.of(run.slope_deg, run.mass_kg, run.torque_nm))[0]
+        gaps.append(np.delete(distances, at).min())
+
+    assert known.limit == pytest.approx(np.quantile(gaps, 0.99))
+
+
+@given(st.floats(-45, 45), st.floats(1, 10_000), st.floats(0, 10_000))
+def test_the_nearest_runs_come_nearest_first_and_the_distance_is_the_first_ones(slope, mass, torque):
+    verdict = DOMAIN.judge(slope, mass, torque, 1)
+
+    distances = [run.distance for run in verdict.nearest_runs]
+    assert len(distances) == 3
+    assert distances == sorted(distances)
+    assert verdict.distance == distances[0]
+    assert np.isfinite(distances).all()
+    everyone = DOMAIN.neighbourhood.distances(Scenarios.of(slope, mass, torque))[0]
+    assert distances == pytest.approx(np.sort(everyone)[:3])
+
+
+def test_a_training_run_is_its_own_nearest_and_tells_its_held_out_error():
+    domain = gap_domain()
+    known, unknown = domain.judge(0, 300, 50, 4).nearest_runs[0], domain.judge(30, 900, 150, 4).nearest_runs[0]
+
+    assert (known.run, known.distance, known.held_out_final_error_m) == ("s0_m300_t50", pytest.approx(0), 0.02)
+    assert (unknown.run, unknown.held_out_final_error_m) == ("s30_m900_t150", None)
+
+
+def test_a_lone_run_is_inside_its_own_domain_and_nothing_else_is():
+    domain = Domain.of_runs([synthetic_run(12.34567)], VIPER, LUNAR_REGOLITH)
+
+    assert domain.judge(12.34567, 430, 60, 1).inside
+    assert not domain.judge(12.4, 430, 60, 1).inside
+
+
+def test_a_domain_from_before_the_runs_were_kept_still_judges_input_by_input():
+    old = {field: DOMAIN.describe()[field] for field in FIELDS}
+    restored = Domain.restore(old, VIPER, LUNAR_REGOLITH)
+    verdict = restored.judge(21, 430, 60, 4)
+
+    assert restored.describe() == old
+    assert [reason.field for reason in verdict.reasons] == ["slope_deg"]
+    assert verdict.distance is None
+    assert verdict.nearest_runs == ()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"runs": []},
+        {"runs": [{"run": "a"}]},
+        {"runs": [{"run": "a", "slope_deg": 1, "mass_kg": -1, "torque_nm": 1, "held_out_final_error_m": None}]},
+        {"runs": [{"run": "a", "slope_deg": 1, "mass_kg": 1, "torque_nm": 1, "held_out_final_error_m": -1}]},
+        {"runs": [{"run": "a", "slope_deg": float("nan"), "mass_kg": 1, "torque_nm": 1, "held_out_final_error_m": 0}]},
+        {"scales": {"slope_deg": 1}},
+        {"scales": {"slope_deg": 0, "log_torque_ratio": 1, "log_mass_kg": 1}},
+        {"joint_limit": float("inf")},
+        {"joint_limit": None},
+    ],
+)
+def test_runs_that_do_not_fit_are_refused(change):
+    with pytest.raises((KeyError, TypeError, ValueError)):
+        Domain.restore(DOMAIN.describe() | change, VIPER, LUNAR_REGOLITH)

@@ -1,0 +1,65 @@
+"""What left-out predictions got wrong, as curves over time: the raw material of the band."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from service.learning.observed import ObservedRun, scenarios_of
+from service.physics.scenario import Array, Positions, Scenarios
+
+CURVE_POINTS = 81  # an eighth of a second for runs of 10 s: errors grow smoothly, and linearly between two points
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldOutErrors:
+    """Absolute errors (m) of each run's left-out prediction on a common time grid.
+
+    `time_s` has shape (time,), `error_m` shape (2, run, time) for x and y, NaN beyond a run's own horizon, and
+    `envelope_m` likewise: the largest error so far, which for a run that ended early stays at its last.
+    `reach_m` of shape (run,) is the x that was predicted for `reach_time_s`, the shortest run's horizon.
+    """
+
+    scenarios: Scenarios
+    time_s: Array
+    error_m: Array
+    envelope_m: Array
+    reach_time_s: float
+    reach_m: Array
+
+    @classmethod
+    def of(cls, runs: Sequence[ObservedRun], left_out: Mapping[str, Positions]) -> Self:
+        """The curves of runs, given for each run's name the positions (1, time) predicted without it at its times.
+
+        Raises ValueError when a prediction is missing, of another shape or not finite.
+        """
+        time = np.linspace(0.0, max(run.horizon_s for run in runs), CURVE_POINTS)
+        reach_time = min(run.horizon_s for run in runs)
+        error, envelope = np.empty((2, 2, len(runs), CURVE_POINTS))
+        reach = np.empty(len(runs))
+        for row, run in enumerate(runs):
+            predicted = _checked(run, left_out)
+            reach[row] = np.interp(reach_time, run.time_s, predicted.x_m[0])
+            pairs = ((predicted.x_m[0], run.x_m), (predicted.y_m[0], run.y_m))
+            for axis, (there, true) in enumerate(pairs):
+                absolute = np.abs(there - true)
+                error[axis, row] = np.interp(time, run.time_s, absolute, right=np.nan)
+                envelope[axis, row] = np.interp(time, run.time_s, np.maximum.accumulate(absolute))
+        return cls(scenarios_of(runs), time, error, envelope, reach_time, reach)
+
+
+def _checked(run: ObservedRun, left_out: Mapping[str, Positions]) -> Positions:
+    if run.name not in left_out:
+        raise ValueError(f"run {run.name} has no left-out prediction")
+    predicted = left_out[run.name]
+    for name, values in (("x_m", predicted.x_m), ("y_m", predicted.y_m)):
+        if values.shape != (1, len(run.time_s)):
+            raise ValueError(
+                f"left-out {name} of run {run.name} has shape {values.shape}, expected (1, {len(run.time_s)})"
+            )
+        if not np.isfinite(values).all():
+            raise ValueError(f"left-out {name} of run {run.name} has values that are not finite")
+    return predicted

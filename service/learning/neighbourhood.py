@@ -1,0 +1,157 @@
+"""How far a scenario is from the training runs in slope, torque ratio and mass together, and which are nearest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, Self
+
+import numpy as np
+
+from service.learning.observed import ObservedRun
+from service.physics.parameters import RegolithParameters, RoverParameters
+from service.physics.scenario import Array, Scenarios
+from service.physics.similarity import torque_ratio
+
+# Slope counts as it is, the others by their logarithm: 10 % more mass is as much at 300 kg as at 900 kg.
+COORDINATES = ("slope_deg", "log_torque_ratio", "log_mass_kg")
+# A coordinate is scaled by its spread over the runs, at least by this: a set of one mass has no spread, and yet
+# a mass 10 % off is near.
+_SMALLEST_SCALE = (2.0, 0.1, 0.1)
+_SMALLEST_TORQUE_RATIO = (
+    1e-3  # under a thousandth of the weight: the motors are as good as off, and zero has no logarithm
+)
+_LIMIT_QUANTILE = 0.99
+_SMALLEST_LIMIT = 1e-6  # degrees made radians and back must not put a lone run outside itself
+NEAREST = 3
+_MAX_RUNS = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingRun:
+    """One run that a version was trained on; the error is that of its end when it was left out, None if not known."""
+
+    run: str
+    slope_deg: float
+    mass_kg: float
+    torque_nm: float
+    held_out_final_error_m: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class NearestRun(TrainingRun):
+    """A training run and its scaled distance to a scenario."""
+
+    distance: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Neighbourhood:
+    """Training runs as points. `scales` divide the coordinates; `limit` bounds distances seen between runs.
+
+    Raises ValueError for no runs, for runs that cannot be and for scales or a limit that make no distance.
+    """
+
+    runs: tuple[TrainingRun, ...]
+    scales: tuple[float, ...]
+    limit: float
+    rover: RoverParameters
+    regolith: RegolithParameters
+    places: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.runs) <= _MAX_RUNS:
+            raise ValueError(f"the domain has {len(self.runs)} runs, allowed is 1 to {_MAX_RUNS}")
+        if len(self.scales) != len(COORDINATES) or not all(np.isfinite(each) and each > 0 for each in self.scales):
+            raise ValueError(f"the domain's scales are {self.scales}, allowed are {len(COORDINATES)} positive numbers")
+        if not (np.isfinite(self.limit) and self.limit >= 0):
+            raise ValueError(f"the domain's joint_limit is {self.limit}, allowed is zero or more")
+        errors = [run.held_out_final_error_m for run in self.runs if run.held_out_final_error_m is not None]
+        if not all(np.isfinite(error) and error >= 0 for error in errors):
+            raise ValueError("the domain's runs have a held_out_final_error_m that is no distance")
+        object.__setattr__(self, "places", self.coordinates(_scenarios(self.runs)))
+
+    @classmethod
+    def of_runs(
+        cls,
+        runs: Sequence[ObservedRun],
+        rover: RoverParameters,
+        regolith: RegolithParameters,
+        held_out_errors_m: Mapping[str, float] | None = None,
+    ) -> Self:
+        """The neighbourhood of these runs.
+
+        The limit is the 99 % quantile of each run's distance to the nearest other one: what leaving a run out shows.
+        """
+        errors = held_out_errors_m or {}
+        points = tuple(
+            TrainingRun(run.name, run.slope_deg, run.mass_kg, run.torque_nm, errors.get(run.name)) for run in runs
+        )
+        spread = _raw(rover, regolith, _scenarios(points)).std(axis=0)
+        scales = tuple(float(scale) for scale in np.maximum(spread, _SMALLEST_SCALE))
+        whole = cls(points, scales, 0.0, rover, regolith)
+        gaps = nearest_other(whole.places)
+        limit = float(np.quantile(gaps, _LIMIT_QUANTILE)) if len(gaps) else 0.0
+        return cls(points, scales, max(limit, _SMALLEST_LIMIT), rover, regolith)
+
+    def coordinates(self, scenarios: Scenarios) -> Array:
+        """Scaled coordinates of scenarios, shape (scenario, 3): their Euclidean distance is the joint distance."""
+        return np.asarray(_raw(self.rover, self.regolith, scenarios) / np.array(self.scales), dtype=np.float64)
+
+    def distances(self, scenarios: Scenarios) -> Array:
+        """Distance of each scenario to each run, shape (scenario, run)."""
+        return np.asarray(np.linalg.norm(self.coordinates(scenarios)[:, None] - self.places, axis=2), dtype=np.float64)
+
+    def nearest(self, scenario: Scenarios, count: int = NEAREST) -> tuple[NearestRun, ...]:
+        """The runs nearest to one scenario, nearest first."""
+        distances = self.distances(scenario)[0]
+        order = np.argsort(distances, kind="stable")[:count]
+        return tuple(NearestRun(**asdict(self.runs[at]), distance=float(distances[at])) for at in order)
+
+    def describe(self) -> dict[str, Any]:
+        """As JSON values."""
+        return {
+            "runs": [asdict(run) for run in self.runs],
+            "scales": dict(zip(COORDINATES, self.scales, strict=True)),
+            "joint_limit": self.limit,
+        }
+
+    @classmethod
+    def restore(cls, description: Mapping[str, Any], rover: RoverParameters, regolith: RegolithParameters) -> Self:
+        """Inverse of `describe`. Raises ValueError, KeyError or TypeError for a description that does not fit."""
+        runs = tuple(_restored_run(each) for each in description["runs"])
+        scales = tuple(float(description["scales"][name]) for name in COORDINATES)
+        return cls(runs, scales, float(description["joint_limit"]), rover, regolith)
+
+
+def nearest_other(places: Array) -> Array:
+    """Distance of each place to the nearest other one, shape (place,); empty for a single place."""
+    if len(places) < 2:
+        return np.empty(0)
+    distances = np.linalg.norm(places[:, None] - places, axis=2)
+    np.fill_diagonal(distances, np.inf)
+    return np.asarray(distances.min(axis=1), dtype=np.float64)
+
+
+def _raw(rover: RoverParameters, regolith: RegolithParameters, scenarios: Scenarios) -> Array:
+    ratio = np.maximum(torque_ratio(rover, regolith, scenarios), _SMALLEST_TORQUE_RATIO)
+    return np.column_stack([np.degrees(scenarios.slope_angle_rad), np.log(ratio), np.log(scenarios.mass_kg)])
+
+
+def _scenarios(runs: Sequence[TrainingRun]) -> Scenarios:
+    return Scenarios(
+        np.radians([run.slope_deg for run in runs]),
+        np.array([run.mass_kg for run in runs]),
+        np.array([run.torque_nm for run in runs]),
+    )
+
+
+def _restored_run(description: Mapping[str, Any]) -> TrainingRun:
+    error = description["held_out_final_error_m"]
+    return TrainingRun(
+        str(description["run"]),
+        float(description["slope_deg"]),
+        float(description["mass_kg"]),
+        float(description["torque_nm"]),
+        None if error is None else float(error),
+    )

@@ -1,0 +1,30 @@
+"""One fit for all tests here: the paper's thirteen slopes, as shipped, every tenth sample."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import model_store
+from model_store import ModelStore
+from service.jobs.training_data import load_training_data
+from service.learning.observed import ObservedRun
+from service.learning.resistance import FittedProcess, fit_resistance_process
+from service.physics.parameters import LUNAR_REGOLITH, VIPER
+from service.physics.priors import make_prior
+
+SHIPPED = str(Path(model_store.__file__).parent)
+
+
+@pytest.fixture(scope="session")
+def paper_runs() -> list[ObservedRun]:
+    """430 kg and 60 N m per wheel on 20..32 degrees; one sample each 5 ms."""
+    data = load_training_data(ModelStore.open(SHIPPED), ["paper"])
+    return [run.samples(slice(None, None, 10)) for run in data.runs]
+
+
+@pytest.fixture(scope="session")
+def fitted(paper_runs: list[ObservedRun]) -> FittedProcess:
+    """The process of all of them, with what it predicts of each without it."""
+    return fit_resistance_process(paper_runs, VIPER, LUNAR_REGOLITH, make_prior("motor_slope", 0.2))
