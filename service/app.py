@@ -17,7 +17,7 @@ from fastapi import FastAPI
 
 import service
 from model_store import ModelStore
-from service.api import docs, errors, health, models, predictions
+from service.api import docs, errors, health, mobility, models, predictions, suggested_runs
 from service.api.body_limit import BodyLimit
 from service.api.execution import Line
 from service.api.openapi import document_of
@@ -89,7 +89,7 @@ def _assemble(lifespan: _Lifespan | None, max_body_bytes: int) -> FastAPI:
     app.add_middleware(RequestLog)  # added last, so outermost
     errors.install(app)
     docs.install(app)
-    for resource in (predictions, models, health):
+    for resource in (predictions, mobility, models, suggested_runs, health):
         app.include_router(resource.router)
     app.openapi = lambda: document_of(app)  # type: ignore[method-assign] # FastAPI's documented way
     return app

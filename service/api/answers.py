@@ -61,14 +61,41 @@ class WorldPrior(BaseModel):
     z_m: Metres
 
 
-class DomainReason(BaseModel):
-    """One input outside the training runs. `torque_ratio` is torque / (mass x gravity x wheel radius)."""
+class BandAnswer(BaseModel):
+    """An interval for x and one for y at each time, slope frame: of runs like the training runs, a share of `level` of
+    all times lies inside.
+    """
 
-    field: Literal["slope_deg", "mass_kg", "torque_nm", "torque_ratio", "horizon_s"]
+    level: Annotated[float, Field(ge=0.5, le=0.99)]
+    x_lower_m: Metres
+    x_upper_m: Metres
+    y_lower_m: Metres
+    y_upper_m: Metres
+
+
+class DomainReason(BaseModel):
+    """One input outside the training runs. `torque_ratio` is torque / (mass x gravity x wheel radius).
+
+    `joint` is no input: its value is `distance`, its highest value the 99 % quantile of what separates a training run
+    from the nearest other one.
+    """
+
+    field: Literal["slope_deg", "mass_kg", "torque_nm", "torque_ratio", "horizon_s", "joint"]
     value: float
     lowest: float
     highest: float
     detail: str
+
+
+class NearestRun(BaseModel):
+    """A training run near the scenario, and how far off its end was predicted by a model that had not seen it."""
+
+    run: str
+    slope_deg: float
+    mass_kg: float
+    torque_nm: float
+    held_out_final_error_m: Annotated[float | None, Field(ge=0, description="null when it was not measured.")]
+    distance: Annotated[float, Field(ge=0, description="In spreads of the training runs.")]
 
 
 class DomainAnswer(BaseModel):
@@ -76,6 +103,16 @@ class DomainAnswer(BaseModel):
 
     inside: bool
     reasons: list[DomainReason]
+    distance: Annotated[
+        float | None,
+        Field(
+            ge=0,
+            description="Distance to the nearest training run: root of the sum of squared differences in slope, "
+            "log torque_ratio and log mass, each over its spread among the runs. null for a version that does not "
+            "know its runs.",
+        ),
+    ]
+    nearest_runs: Annotated[list[NearestRun], Field(description="The three nearest training runs, nearest first.")]
 
 
 class SummaryAnswer(BaseModel):
@@ -99,6 +136,7 @@ class PredictionAnswer(BaseModel):
     frame: Frame
     trajectory: SlopeTrajectory | WorldTrajectory
     prior: Annotated[SlopePrior | WorldPrior | None, Field(description="Only on `include=prior`.")] = None
+    band: Annotated[BandAnswer | None, Field(description="Only on `include=band`.")] = None
     domain: DomainAnswer
     summary: SummaryAnswer
 
@@ -198,3 +236,69 @@ class Problem(BaseModel):
     errors: Annotated[list[ProblemError], Field(description="Only with invalid-input and outside-domain.")] = []
     domain: Annotated[DomainAnswer | None, Field(description="Only with outside-domain.")] = None
     error: Annotated[str, Field(description="The same text as `detail`.")]
+
+
+class MobilityAnswer(BaseModel):
+    """Outcome, speed and slip over slope x torque. Each table has a row for each torque and a column for each slope."""
+
+    model: ModelIdentity
+    mass_kg: float
+    horizon_s: float
+    confidence: Annotated[
+        float | None, Field(description="Of the steepest slopes; null when the version has no band to judge it by.")
+    ]
+    steepest_by: Annotated[
+        Literal["band", "central_estimate"],
+        Field(description="Whether the steepest slopes follow the band's lower edge or the central estimate alone."),
+    ]
+    slope_deg: list[float]
+    torque_nm: list[float]
+    outcome: list[list[Outcome]]
+    mean_speed_m_s: Annotated[list[list[float]], Field(description="Along the slope; negative downhill.")]
+    slip_ratio: Annotated[list[list[float | None]], Field(description="null where wheels stand still.")]
+    inside_domain: list[list[bool]]
+    steepest_climb_slope_deg: Annotated[
+        list[float | None],
+        Field(
+            description="For each torque the slope up to which every slope of the map is climbed, to 0.01 deg; never "
+            "above the steepest slope of the map, null when not even its lowest is climbed."
+        ),
+    ]
+
+
+class VersionIdentity(BaseModel):
+    """One version of a model."""
+
+    name: str
+    version: int
+
+
+class SuggestionReason(BaseModel):
+    """Why a scenario is worth a simulation. Distances are those of the domain verdict."""
+
+    expected_error_m: Annotated[
+        float | None,
+        Field(description="Error to expect of the final position; null when no run has a held-out error."),
+    ]
+    distance: Annotated[float, Field(description="Scaled distance to the nearest training run.")]
+    nearest_run: str
+
+
+class SuggestedRunAnswer(BaseModel):
+    """One row of a `runs.csv`, and why it is there."""
+
+    file: str
+    set: str
+    slope_deg: float
+    mass_kg: float
+    torque_nm: Annotated[float, Field(description="Motor stall torque per wheel.")]
+    horizon_s: float
+    step_s: Annotated[float, Field(description="Seconds between two rows of the file.")]
+    reason: SuggestionReason
+
+
+class SuggestedRunsAnswer(BaseModel):
+    """What to simulate next, the most useful scenario first."""
+
+    model: VersionIdentity
+    runs: list[SuggestedRunAnswer]

@@ -10,6 +10,7 @@ from pydantic.json_schema import SkipJsonSchema
 
 from service.allowed import allowed_values
 from service.api.encoders import Format
+from service.learning.band import HIGHEST_LEVEL, LOWEST_LEVEL, USUAL_LEVEL
 from service.settings import LIMITS
 from service.twin import Frame
 
@@ -20,6 +21,7 @@ class Include(StrEnum):
     """Parts of the answer that come on request only."""
 
     PRIOR = "prior"
+    BAND = "band"
 
 
 class PredictionInputs(BaseModel):
@@ -91,14 +93,30 @@ class PredictionInputs(BaseModel):
         list[Annotated[Include, Field(strict=False)]],
         Field(
             max_length=len(Include),
-            description="Parts to add: `prior` is the closed-form solution alone, without the learned correction.",
-            examples=[["prior"]],
+            description="Parts to add: `prior` is the closed-form solution alone, without the learned correction. "
+            "`band` is an interval for x and one for y at each time, slope frame only; it is refused by a version "
+            "that was published without one.",
+            examples=[["prior", "band"]],
         ),
     ] = []
+    band_level: Annotated[
+        float,
+        Field(
+            ge=LOWEST_LEVEL,
+            le=HIGHEST_LEVEL,
+            description="How often the truth shall lie in the band, time by time; matters with `include=band` only.",
+            examples=[0.9],
+        ),
+    ] = USUAL_LEVEL
     strict: Annotated[
         bool,
         Field(description="Refuse a scenario outside the model's domain with a 422 instead of answering a verdict."),
     ] = False
+
+    @property
+    def wanted_band_level(self) -> float | None:
+        """The level of the band that was asked for; None without `include=band`."""
+        return self.band_level if Include.BAND in self.include else None
 
 
 class PredictionBody(PredictionInputs):

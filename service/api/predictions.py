@@ -40,6 +40,10 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
             "Rover-Twin-Frame": {"schema": {"type": "string", "enum": ["slope", "world"]}},
             "Rover-Twin-Domain": {"schema": {"type": "string", "enum": ["inside", "outside"]}},
             "Rover-Twin-Outcome": {"schema": {"type": "string", "enum": ["climbs", "stalls", "slides"]}},
+            "Rover-Twin-Band-Level": {
+                "schema": {"type": "number"},
+                "description": "Level of the band; only on `include=band`.",
+            },
         },
     },
     **problem_responses(
@@ -132,7 +136,8 @@ async def _predict(asked: PredictionInputs, form: Format, parts: Services) -> Re
 def _computed(asked: PredictionInputs, form: Format, loaded: Loaded) -> Response:
     """Runs on a worker thread: everything that takes time, up to the bytes of the answer."""
     scenario = Scenario(asked.slope_deg, asked.mass_kg, asked.torque_nm, asked.horizon_s)
-    prediction = loaded.twin.predict(scenario, sample_times(asked.horizon_s, asked.dt_s), asked.frame)
+    times = sample_times(asked.horizon_s, asked.dt_s)
+    prediction = loaded.twin.predict(scenario, times, asked.frame, asked.wanted_band_level)
     if asked.strict and not prediction.domain.inside:
         raise OutsideDomainError(f"{loaded.twin.name}@{loaded.twin.version}", prediction.domain)
     subject = Subject(loaded, prediction, with_prior=Include.PRIOR in asked.include)

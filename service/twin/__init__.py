@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.twin.prediction import Frame, NonFiniteError, Prediction
+from service.twin.prediction import Frame, NonFiniteError, Prediction, PredictionBand
 from service.twin.registry import Loaded, RegistryStatus, TwinRegistry
 from service.twin.scenario import Scenario, sample_times
 from service.twin.summary import Outcome, Summary
@@ -14,6 +14,7 @@ __all__ = [
     "NonFiniteError",
     "Outcome",
     "Prediction",
+    "PredictionBand",
     "RegistryStatus",
     "Scenario",
     "Summary",

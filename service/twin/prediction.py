@@ -25,8 +25,23 @@ class NonFiniteError(RoverTwinError):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PredictionBand:
+    """Where the truth lies with probability `level` at each time, pointwise; slope frame, shape (time,), m."""
+
+    level: float
+    x_lower_m: Array
+    x_upper_m: Array
+    y_lower_m: Array
+    y_upper_m: Array
+
+    def columns(self) -> Mapping[str, Array]:
+        """The four bounds by name."""
+        return {name: getattr(self, name) for name in ("x_lower_m", "x_upper_m", "y_lower_m", "y_upper_m")}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """One trajectory with its prior alone, domain verdict and summary.
+    """One trajectory with its prior alone, band on request, domain verdict and summary.
 
     `trajectory` maps time_s, x_m and y_m (world frame: z_m) to arrays of shape (time,), s and m; `prior` maps the two
     positions of the prior alone likewise. `summary` is in the slope frame whatever `frame` is. All finite.
@@ -39,3 +54,4 @@ class Prediction:
     prior: Mapping[str, Array]
     domain: DomainVerdict
     summary: Summary
+    band: PredictionBand | None = None

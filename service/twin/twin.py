@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from model_store import Manifest
+from service.errors import InvalidValueError
+from service.learning.band import Band
 from service.learning.domain import Domain
-from service.learning.model import PhysicsInformedModel
+from service.learning.model import TrajectoryModel
 from service.physics.frames import slope_to_world
 from service.physics.scenario import Array, Positions, Scenarios
 from service.physics.wheel_speed import slip_ratio, wheel_speed_rad_s
-from service.twin.prediction import Frame, NonFiniteError, Prediction
+from service.twin.prediction import Frame, NonFiniteError, Prediction, PredictionBand
 from service.twin.scenario import Scenario
 from service.twin.summary import LAST_PART, Summary, outcome_of
 
@@ -22,13 +24,15 @@ from service.twin.summary import LAST_PART, Summary, outcome_of
 class Twin:
     """Immutable once made, so that any number of threads may share it.
 
-    `wheel_motion_resistance` calibrates how fast the wheels turn; None where no run recorded it.
+    `wheel_motion_resistance` calibrates how fast the wheels turn; None where no run recorded it. `band` is None where
+    the version was published without one.
     """
 
     manifest: Manifest
-    model: PhysicsInformedModel
+    model: TrajectoryModel
     domain: Domain
     wheel_motion_resistance: float | None
+    band: Band | None = None
 
     @property
     def name(self) -> str:
@@ -40,17 +44,28 @@ class Twin:
         """Number of the version."""
         return self.manifest.version
 
-    def predict(self, scenario: Scenario, time_s: Array, frame: Frame = Frame.SLOPE) -> Prediction:
+    def predict(
+        self, scenario: Scenario, time_s: Array, frame: Frame = Frame.SLOPE, band_level: float | None = None
+    ) -> Prediction:
         """The trajectory at `time_s`, of shape (time,), which ends at the scenario's horizon.
 
-        Raises NonFiniteError instead of answering with NaN or infinity.
+        With a `band_level` it has a band: an interval for x and one for y. Turned into the world frame it would be
+        neither, so it is offered in the slope frame only.
+
+        Raises InvalidValueError for a band in the world frame, of a version without one or at a level that is not
+        0.5 to 0.99, and NonFiniteError instead of answering with NaN or infinity.
         """
+        if band_level is not None and frame is not Frame.SLOPE:
+            raise InvalidValueError("frame", frame.value, "slope where a band is asked for: it bounds x and y there")
         physics = scenario.as_physics()
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
             prior = self.model.prior.positions(physics, time_s)
             corrected = self.model.corrected(prior, physics, time_s)
             summary = self._summarise(scenario, physics, corrected)
-        numbers = (corrected.x_m, corrected.y_m, prior.x_m, prior.y_m, [summary.distance_m, summary.mean_speed_m_s])
+            band = None if band_level is None else self._band_around(corrected, physics, time_s, band_level)
+        totals = np.array([summary.distance_m, summary.mean_speed_m_s])
+        bounds = () if band is None else band.columns().values()
+        numbers = (corrected.x_m, corrected.y_m, prior.x_m, prior.y_m, totals, *bounds)
         if not all(np.isfinite(each).all() for each in numbers):
             raise NonFiniteError(f"{self.name}@{self.version} has no finite answer for {scenario}")
         return Prediction(
@@ -61,7 +76,24 @@ class Twin:
             prior=_in_frame(prior, physics, frame),
             domain=self.domain.judge(scenario.slope_deg, scenario.mass_kg, scenario.torque_nm, scenario.horizon_s),
             summary=summary,
+            band=band,
         )
+
+    def half_widths(self, scenarios: Scenarios, time_s: Array, level: float) -> tuple[Array, Array]:
+        """Half-widths (m) of the band in x and y, each of shape (scenario, time).
+
+        Raises InvalidValueError for a version without a band or a level that is not 0.5 to 0.99.
+        """
+        if self.band is None:
+            none = f"prior; {self.name}@{self.version} was published without a band"
+            raise InvalidValueError("include", "band", none)
+        reach = self.model.positions(scenarios, np.array([self.band.reach_time_s])).x_m[:, 0]
+        return self.band.half_widths(scenarios, time_s, level, reach)
+
+    def _band_around(self, positions: Positions, physics: Scenarios, time_s: Array, level: float) -> PredictionBand:
+        (half_x,), (half_y,) = self.half_widths(physics, time_s, level)
+        x, y = positions.x_m[0], positions.y_m[0]
+        return PredictionBand(level, x - half_x, x + half_x, y - half_y, y + half_y)
 
     def _summarise(self, scenario: Scenario, physics: Scenarios, positions: Positions) -> Summary:
         x, y = positions.x_m[0], positions.y_m[0]

@@ -30,6 +30,7 @@ from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.priors import make_prior
 from service.physics.scenario import Scenarios
 from service.settings import Settings
+from tests.twin.published import publish_banded
 
 DOMAIN = {
     "slope_deg": (10.0, 32.0),
@@ -131,6 +132,18 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     store = ModelStore.open(str(folder), create=True)
     move_alias(store, publish_version(store))
     publish_version(store, coefficient=0.2)
+    with serving(folder) as running:
+        running.wait_ready()
+        yield running
+
+
+@pytest.fixture(scope="session")
+def banded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A ready service whose champion has a band and knows its training runs; version 2 has no band."""
+    folder = tmp_path_factory.mktemp("store")
+    store = ModelStore.open(str(folder), create=True)
+    move_alias(store, publish_banded(store, "viper-lunar").version)
+    publish_version(store)
     with serving(folder) as running:
         running.wait_ready()
         yield running

@@ -6,13 +6,14 @@ import json
 
 import pytest
 
-NUMBERS = ("slope_deg", "mass_kg", "torque_nm", "horizon_s", "dt_s")
+NUMBERS = ("slope_deg", "mass_kg", "torque_nm", "horizon_s", "dt_s", "band_level")
 RANGES = {
     "slope_deg": "-45 to 45",
     "mass_kg": "1 to 10000",
     "torque_nm": "0 to 10000",
     "horizon_s": "0.0001 to 600",
     "dt_s": "0.0001 to 60",
+    "band_level": "0.5 to 0.99",
 }
 CHOICES = {
     "frame": "one of slope, world",

@@ -21,7 +21,7 @@ def test_the_answer_has_the_promised_members(service):
     assert answer["frame"] == "slope"
     assert list(answer["trajectory"]) == ["time_s", "x_m", "y_m"]
     assert {len(column) for column in answer["trajectory"].values()} == {201}
-    assert answer["domain"] == {"inside": True, "reasons": []}
+    assert answer["domain"] == {"inside": True, "reasons": [], "distance": None, "nearest_runs": []}
     assert answer["summary"]["final_x_m"] == answer["trajectory"]["x_m"][-1]
 
 

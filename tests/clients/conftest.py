@@ -23,6 +23,15 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route
 
+NEAREST_RUN = {
+    "run": "s28_m430_t60",
+    "slope_deg": 28,
+    "mass_kg": 430,
+    "torque_nm": 60,
+    "held_out_final_error_m": 0.0074,
+    "distance": 0.41,
+}
+
 
 def prediction_document(query: dict[str, str]) -> dict[str, Any]:
     """What the service answers (contract of /v1/predictions), for a rover that moves 0.1 m/s uphill."""
@@ -34,7 +43,7 @@ def prediction_document(query: dict[str, str]) -> dict[str, Any]:
         "scenario": {k: float(query[k]) for k in ("slope_deg", "mass_kg", "torque_nm", "horizon_s")},
         "frame": query.get("frame", "slope"),
         "trajectory": trajectory,
-        "domain": {"inside": True, "reasons": []},
+        "domain": {"inside": True, "reasons": [], "distance": 0.41, "nearest_runs": [dict(NEAREST_RUN)]},
         "summary": {
             "outcome": "climbs",
             "final_x_m": 0.1 * time_s[-1],
@@ -46,6 +55,10 @@ def prediction_document(query: dict[str, str]) -> dict[str, Any]:
     }
     if "prior" in query.get("include", ""):
         answer["prior"] = {"name": "motor_slope", "x_m": [0.0, 0.4, 0.9], across: [0.0, 0.0, 0.0]}
+    if "band" in query.get("include", ""):
+        bounds = ("x_lower_m", "x_upper_m", "y_lower_m", "y_upper_m")
+        level = float(query.get("band_level", "0.9"))
+        answer["band"] = {"level": level} | {name: [0.0, 0.5, 1.0 + at] for at, name in enumerate(bounds)}
     return answer
 
 
@@ -185,7 +198,7 @@ def fresh_hits(contract_service: ContractService) -> Counter[str]:
 @pytest.fixture
 def slope_answer() -> dict[str, Any]:
     """A whole answer in the slope frame, prior included."""
-    query = {"slope_deg": "28", "mass_kg": "430", "torque_nm": "60", "horizon_s": "10", "include": "prior"}
+    query = {"slope_deg": "28", "mass_kg": "430", "torque_nm": "60", "horizon_s": "10", "include": "prior,band"}
     return prediction_document(query)
 
 

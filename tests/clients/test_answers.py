@@ -67,23 +67,54 @@ def test_reasons_keep_open_bounds(slope_answer: dict[str, Any]) -> None:
 
 
 def test_members_of_later_services_are_ignored(slope_answer: dict[str, Any]) -> None:
-    slope_answer["band"] = {"level": 0.9}
-    slope_answer["domain"]["distance"] = 0.41
+    slope_answer["energy_j"] = {"total": 0.9}
+    slope_answer["domain"]["density"] = 0.41
+    slope_answer["band"]["speed_m_s"] = []
     slope_answer["trajectory"]["speed_m_s"] = []
 
     assert parsing.prediction(Node(slope_answer)).summary.outcome == "climbs"
 
 
 def test_what_was_not_asked_for_or_does_not_apply_is_none(slope_answer: dict[str, Any]) -> None:
-    del slope_answer["prior"]
+    del slope_answer["prior"], slope_answer["band"]
     slope_answer["summary"]["slip_ratio"] = None
+    slope_answer["domain"]["nearest_runs"][0]["held_out_final_error_m"] = None
     slope_answer["model"]["alias"] = None
 
     prediction = parsing.prediction(Node(slope_answer))
 
     assert prediction.prior is None
+    assert prediction.band is None
+    assert prediction.domain.nearest_runs[0].held_out_final_error_m is None
     assert prediction.summary.slip_ratio is None
     assert prediction.model.alias is None
+
+
+def test_the_band_becomes_arrays_with_its_level(slope_answer: dict[str, Any]) -> None:
+    band = parsing.prediction(Node(slope_answer)).band
+
+    assert band is not None
+    assert band.level == 0.9
+    for name in ("x_lower_m", "x_upper_m", "y_lower_m", "y_upper_m"):
+        assert getattr(band, name).tolist() == slope_answer["band"][name]
+
+
+def test_the_nearest_runs_become_values(slope_answer: dict[str, Any]) -> None:
+    domain = parsing.prediction(Node(slope_answer)).domain
+
+    assert domain.distance == 0.41
+    assert [run.run for run in domain.nearest_runs] == ["s28_m430_t60"]
+    assert domain.nearest_runs[0].held_out_final_error_m == 0.0074
+
+
+@pytest.mark.parametrize("told", [{}, {"distance": None, "nearest_runs": []}], ids=["older service", "older version"])
+def test_a_domain_that_knows_no_runs_has_none(slope_answer: dict[str, Any], told: dict[str, Any]) -> None:
+    slope_answer["domain"] = {"inside": True, "reasons": [], **told}
+
+    domain = parsing.prediction(Node(slope_answer)).domain
+
+    assert domain.distance is None
+    assert domain.nearest_runs == ()
 
 
 REQUIRED = [
@@ -91,6 +122,7 @@ REQUIRED = [
     "trajectory.time_s", "trajectory.x_m", "trajectory.y_m", "domain", "domain.inside", "domain.reasons",
     "summary", "summary.outcome", "summary.final_x_m", "summary.final_y_m",
     "summary.distance_m", "prior.name", "prior.x_m", "prior.y_m",
+    "band.level", "band.x_lower_m", "band.x_upper_m", "band.y_lower_m", "band.y_upper_m",
 ]  # fmt: skip
 
 
@@ -135,6 +167,10 @@ WRONG = {
     "version truth": ("model", "version", True),
     "name number": ("model", "name", 3),
     "inside text": ("domain", "inside", "yes"),
+    "distance text": ("domain", "distance", "near"),
+    "nearest runs object": ("domain", "nearest_runs", {}),
+    "level text": ("band", "level", "0.9"),
+    "bounds too short": ("band", "y_upper_m", [0.0]),
     "reasons object": ("domain", "reasons", {}),
     "distance nan": ("summary", "distance_m", float("nan")),
     "distance huge": ("summary", "distance_m", 10**400),
@@ -175,7 +211,8 @@ def test_any_member_replaced_by_anything_is_an_answer_or_a_named_error(data: st.
         "frame": "slope",
         "trajectory": trajectory,
         "prior": {"name": "b", "x_m": [0, 1], "y_m": [0, 1]},
-        "domain": {"inside": False, "reasons": [{"field": "a", "value": 1, "detail": "far"}]},
+        "band": {"level": 0.9} | {name: [0, 1] for name in ("x_lower_m", "x_upper_m", "y_lower_m", "y_upper_m")},
+        "domain": {"inside": False, "reasons": [{"field": "a", "value": 1, "detail": "far"}], "nearest_runs": []},
         "summary": {"outcome": "climbs", "final_x_m": 1, "final_y_m": 0, "distance_m": 1, "mean_speed_m_s": 1},
     }
     at = copy.deepcopy(answer)

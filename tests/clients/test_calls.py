@@ -29,6 +29,7 @@ def test_a_plain_prediction_leaves_every_default_but_the_frame_to_the_service() 
 
 def test_every_option_is_asked_for_in_the_services_own_words() -> None:
     asked = {"dt_s": 0.5, "model": "viper-lunar@3", "frame": "world", "include": ["prior", "band"], "strict": True}
+    asked["band_level"] = 0.95
 
     query = calls.predict(1, 2, 3, 4, **asked).query
 
@@ -36,6 +37,7 @@ def test_every_option_is_asked_for_in_the_services_own_words() -> None:
     assert query["model"] == "viper-lunar@3"
     assert query["frame"] == "world"
     assert query["include"] == "prior,band"
+    assert query["band_level"] == "0.95"
     assert query["strict"] == "true"
 
 

@@ -29,7 +29,7 @@ def test_every_number_has_its_range_unit_and_example():
     parameters = {each["name"]: each for each in operation["parameters"]}
 
     assert set(parameters) == {*PredictionInputs.model_fields, "format"}
-    for name in ("slope_deg", "mass_kg", "torque_nm", "horizon_s", "dt_s"):
+    for name in ("slope_deg", "mass_kg", "torque_nm", "horizon_s", "dt_s", "band_level"):
         schema = parameters[name]["schema"]
         assert "maximum" in schema, name
         assert "minimum" in schema or "exclusiveMinimum" in schema, name

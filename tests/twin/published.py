@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import safetensors.numpy
 import torch
 
 from model_store import WEIGHTS, Lineage, Manifest, ManifestDraft, ModelStore
+from service.learning.band import BAND_FILE, Band
 from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
 from service.learning.inputs import InputSignature
@@ -13,6 +15,7 @@ from service.learning.observed import scenarios_of
 from service.learning.residuals import make_residual
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.priors import make_prior
+from tests.learning.left_out import domain_of, synthetic_band
 from tests.learning.synthetic import HORIZON_S, synthetic_runs
 
 
@@ -46,6 +49,14 @@ def draft(model: PhysicsInformedModel, **checkpoint: object) -> ManifestDraft:
 def publish(store: ModelStore, name: str = "unit", model: PhysicsInformedModel | None = None) -> Manifest:
     model = model or zero_model()
     return store.publish(name, {WEIGHTS: weights_bytes(model)}, draft(model))
+
+
+def publish_banded(store: ModelStore, name: str = "unit", band: Band | None = None) -> Manifest:
+    """A version with a band and a domain that knows its runs."""
+    band = band or synthetic_band()
+    files = {WEIGHTS: weights_bytes(zero_model()), BAND_FILE: safetensors.numpy.save(band.tensors())}
+    described = {"domain": domain_of(synthetic_runs()).describe(), "band": band.describe()}
+    return store.publish(name, files, draft(zero_model()).model_copy(update=described))
 
 
 def publish_champion(store: ModelStore, name: str = "unit", model: PhysicsInformedModel | None = None) -> Manifest:

@@ -91,7 +91,7 @@ def test_slip_ratio_is_unknown_when_the_version_does_not_know_its_wheels(twin):
 
 def test_the_domain_is_judged(twin):
     inside = twin.predict(Scenario(10, 430, 60, 4), sample_times(4, 1)).domain
-    outside = twin.predict(Scenario(30, 430, 60, 4), sample_times(4, 1)).domain
+    outside = twin.predict(Scenario(21, 430, 60, 4), sample_times(4, 1)).domain
     assert inside.inside
     assert [reason.field for reason in outside.reasons] == ["slope_deg"]
 

@@ -15,11 +15,13 @@ def encode_csv(subject: Subject) -> bytes:
 
 
 def header_fields(subject: Subject) -> dict[str, str]:
-    """Model, frame, domain and outcome as response headers."""
+    """Model, frame, domain, outcome and the band's level, if there is one, as response headers."""
     twin, prediction = subject.loaded.twin, subject.prediction
+    level = {} if prediction.band is None else {"Rover-Twin-Band-Level": f"{prediction.band.level:.12g}"}
     return {
         "Rover-Twin-Model": f"{twin.name}@{twin.version}",
         "Rover-Twin-Frame": prediction.frame.value,
         "Rover-Twin-Domain": "inside" if prediction.domain.inside else "outside",
         "Rover-Twin-Outcome": prediction.summary.outcome.value,
+        **level,
     }

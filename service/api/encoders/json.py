@@ -21,6 +21,8 @@ def encode_json(subject: Subject) -> bytes:
     }
     if subject.with_prior:
         answer["prior"] = {"name": prediction.prior_name, **prediction.prior}
+    if prediction.band is not None:
+        answer["band"] = {"level": prediction.band.level, **prediction.band.columns()}
     answer["domain"] = domain_document(prediction.domain)
     answer["summary"] = asdict(prediction.summary)
     return dump(answer)
@@ -31,4 +33,6 @@ def domain_document(verdict: DomainVerdict) -> dict[str, Any]:
     return {
         "inside": verdict.inside,
         "reasons": [asdict(reason) | {"detail": reason.detail} for reason in verdict.reasons],
+        "distance": verdict.distance,
+        "nearest_runs": [asdict(run) for run in verdict.nearest_runs],
     }

@@ -11,7 +11,7 @@ from service.twin import Loaded, Prediction
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
-    """One prediction to write."""
+    """One prediction to write. A band is written whenever the prediction has one: it has none unless asked for."""
 
     loaded: Loaded
     prediction: Prediction
@@ -19,7 +19,9 @@ class Subject:
 
     def columns(self) -> Mapping[str, Array]:
         """Everything that has one number per time, in the order of a table's columns."""
-        if not self.with_prior:
-            return self.prediction.trajectory
-        prior = {f"prior_{name}": values for name, values in self.prediction.prior.items()}
-        return {**self.prediction.trajectory, **prior}
+        columns = dict(self.prediction.trajectory)
+        if self.with_prior:
+            columns |= {f"prior_{name}": values for name, values in self.prediction.prior.items()}
+        if self.prediction.band is not None:
+            columns |= self.prediction.band.columns()
+        return columns

@@ -10,11 +10,13 @@ print(prediction.summary.outcome, prediction.x_m[-1])
 from __future__ import annotations
 
 from rover_twin_client.answers import (
+    Band,
     Domain,
     DomainReason,
     Frame,
     ModelIdentity,
     ModelInfo,
+    NearestRun,
     Prediction,
     Prior,
     Readiness,
@@ -40,6 +42,7 @@ from rover_twin_client.errors import (
 
 __all__ = [
     "AsyncRoverTwin",
+    "Band",
     "ConnectionFailedError",
     "Domain",
     "DomainReason",
@@ -48,6 +51,7 @@ __all__ = [
     "InvalidInputError",
     "ModelIdentity",
     "ModelInfo",
+    "NearestRun",
     "NotFoundError",
     "NotReadyError",
     "OutsideDomainError",

@@ -41,7 +41,10 @@ class ModelIdentity:
 
 @dataclass(frozen=True, slots=True)
 class DomainReason:
-    """One input that lies outside the validated region, with the region's bounds in the input's own unit."""
+    """One input that lies outside the validated region, with the region's bounds in the input's own unit.
+
+    The field `joint` stands for all of them together: its value is the scaled distance to the nearest training run.
+    """
 
     field: str
     value: float
@@ -51,11 +54,32 @@ class DomainReason:
 
 
 @dataclass(frozen=True, slots=True)
+class NearestRun:
+    """A training run, its scaled distance to the scenario, and how far off its end was predicted without it (m).
+
+    The error is None where it was not measured.
+    """
+
+    run: str
+    slope_deg: float
+    mass_kg: float
+    torque_nm: float
+    held_out_final_error_m: float | None
+    distance: float
+
+
+@dataclass(frozen=True, slots=True)
 class Domain:
-    """Whether the scenario lies where the model was validated; `reasons` is empty when inside."""
+    """Whether the scenario lies where the model was validated; `reasons` is empty when inside.
+
+    `distance` is that to the nearest training run, scaled by the spread of the runs. It is None, and `nearest_runs`
+    empty, for versions and services that do not tell.
+    """
 
     inside: bool
     reasons: tuple[DomainReason, ...]
+    distance: float | None = None
+    nearest_runs: tuple[NearestRun, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,10 +109,24 @@ class Prior:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Band:
+    """Bounds of x and y at the prediction's own times, slope frame; arrays (N,), m.
+
+    For runs like those the model was trained on, a share of `level` of all times lies inside.
+    """
+
+    level: float
+    x_lower_m: Array
+    x_upper_m: Array
+    y_lower_m: Array
+    y_upper_m: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
     """Where the rover goes: positions in metres at `time_s` in seconds, arrays (N,), the horizon last.
 
-    `prior` is there when asked for with `include=["prior"]`.
+    `prior` and `band` are there when asked for with `include=["prior", "band"]`.
     """
 
     model: ModelIdentity
@@ -101,6 +139,7 @@ class Prediction:
     prior: Prior | None
     domain: Domain
     summary: Summary
+    band: Band | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,6 +53,7 @@ class AsyncRoverTwin:
         frame: Frame = "slope",
         include: Iterable[str] = (),
         strict: bool = False,
+        band_level: float | None = None,
     ) -> Prediction:
         """Where the rover goes: arguments, units and errors are those of `RoverTwin.predict`."""
         return await self._answer(
@@ -66,6 +67,7 @@ class AsyncRoverTwin:
                 frame=frame,
                 include=include,
                 strict=strict,
+                band_level=band_level,
             )
         )
 

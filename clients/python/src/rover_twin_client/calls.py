@@ -44,11 +44,11 @@ def predict(
     frame: str,
     include: Iterable[str],
     strict: bool,
+    band_level: float | None = None,
 ) -> Call[Prediction]:
     """GET /v1/predictions. Ranges are the service's to judge; only what cannot be written is refused here."""
     numbers = {"slope_deg": slope_deg, "mass_kg": mass_kg, "torque_nm": torque_nm, "horizon_s": horizon_s}
-    if dt_s is not None:
-        numbers["dt_s"] = dt_s
+    numbers |= {name: value for name, value in (("dt_s", dt_s), ("band_level", band_level)) if value is not None}
     query = {name: _number(name, value) for name, value in numbers.items()}
     if model is not None:
         query["model"] = model

@@ -55,12 +55,15 @@ class RoverTwin:
         frame: Frame = "slope",
         include: Iterable[str] = (),
         strict: bool = False,
+        band_level: float | None = None,
     ) -> Prediction:
         """Where the rover goes on this slope, with this mass and motor stall torque per wheel, for this long.
 
         `dt_s` is the spacing of the answer's times in seconds (the service's default without it). `model` is
-        `name`, `name@3` or `name@alias`. `frame` is `slope` or `world`. `include=["prior"]` adds the
-        closed-form trajectory. `strict` refuses scenarios outside the validated domain instead of flagging them.
+        `name`, `name@3` or `name@alias`. `frame` is `slope` or `world`. `include=["prior"]` adds the closed-form
+        trajectory; `include=["band"]` adds bounds of x and y that hold the truth a share `band_level` of all times
+        (0.5 to 0.99, the service's default without it; slope frame only). `strict` refuses scenarios outside the
+        validated domain instead of flagging them.
 
         Raises InvalidInputError for values out of range (OutsideDomainError with `strict`), NotFoundError for an
         unknown model, and the network's and service's own failures (see `rover_twin_client.errors`).
@@ -76,6 +79,7 @@ class RoverTwin:
                 frame=frame,
                 include=include,
                 strict=strict,
+                band_level=band_level,
             )
         )
 

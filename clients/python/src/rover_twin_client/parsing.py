@@ -6,11 +6,13 @@ from types import MappingProxyType
 from typing import Any, cast
 
 from rover_twin_client.answers import (
+    Band,
     Domain,
     DomainReason,
     Frame,
     ModelIdentity,
     ModelInfo,
+    NearestRun,
     Prediction,
     Prior,
     Readiness,
@@ -28,7 +30,7 @@ def prediction(answer: Node) -> Prediction:
     time_s = trajectory["time_s"].array()
     across = "y_m" if frame == "slope" else "z_m"
     positions = {name: trajectory[name].array(time_s.size) for name in ("x_m", across)}
-    prior = answer.get("prior")
+    prior, band = answer.get("prior"), answer.get("band")
     return Prediction(
         model=_identity(answer["model"]),
         scenario=_scenario(answer["scenario"]),
@@ -40,6 +42,7 @@ def prediction(answer: Node) -> Prediction:
         prior=None if prior is None else _prior(prior, across, time_s.size),
         domain=_domain(answer["domain"]),
         summary=_summary(answer["summary"]),
+        band=None if band is None else _band(band, time_s.size),
     )
 
 
@@ -105,8 +108,35 @@ def _prior(node: Node, across: str, length: int) -> Prior:
     )
 
 
+def _band(node: Node, length: int) -> Band:
+    return Band(
+        level=node["level"].number(),
+        x_lower_m=node["x_lower_m"].array(length),
+        x_upper_m=node["x_upper_m"].array(length),
+        y_lower_m=node["y_lower_m"].array(length),
+        y_upper_m=node["y_upper_m"].array(length),
+    )
+
+
 def _domain(node: Node) -> Domain:
-    return Domain(inside=node["inside"].flag(), reasons=tuple(_reason(item) for item in node["reasons"].items()))
+    nearest = node.get("nearest_runs")
+    return Domain(
+        inside=node["inside"].flag(),
+        reasons=tuple(_reason(item) for item in node["reasons"].items()),
+        distance=_optional_number(node, "distance"),
+        nearest_runs=() if nearest is None else tuple(_nearest_run(item) for item in nearest.items()),
+    )
+
+
+def _nearest_run(node: Node) -> NearestRun:
+    return NearestRun(
+        run=node["run"].text(),
+        slope_deg=node["slope_deg"].number(),
+        mass_kg=node["mass_kg"].number(),
+        torque_nm=node["torque_nm"].number(),
+        held_out_final_error_m=_optional_number(node, "held_out_final_error_m"),
+        distance=node["distance"].number(),
+    )
 
 
 def _reason(node: Node) -> DomainReason:

@@ -1,0 +1,179 @@
+"""Should the rover drive over this slope? Outcome, speed and slip over slope x torque, and the steepest sure climb.
+
+The whole map is one batch of the model at the few times needed. With a band a slope counts as climbed when the lower
+edge of the final position's two-sided band at level 2c - 1, which the truth exceeds with the asked confidence c, still
+means climbing: the half-width at the horizon is taken off the displacement over the last quarter. That is conservative,
+as most of a trajectory's error is shared by the ends of its last quarter. Without a band the central estimate decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from service.errors import InvalidValueError
+from service.physics.scenario import Array, Scenarios
+from service.physics.wheel_speed import slip_ratio, wheel_speed_rad_s
+from service.twin.prediction import NonFiniteError
+from service.twin.scenario import Scenario
+from service.twin.summary import LAST_PART, Outcome, outcome_of
+from service.twin.twin import Twin
+
+Cell = TypeVar("Cell")
+Flags = npt.NDArray[np.bool_]
+
+MOST_VALUES = 64  # of slopes and of torques
+CONFIDENCE = (0.75, 0.995)  # one-sided; bands are calibrated at two-sided levels of 0.5 to 0.99
+STEEPEST_STEP_DEG = 0.01
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MobilityMap:
+    """Rows are torques, columns slopes; every table has shape (torque, slope).
+
+    `slip_ratio` is None where the wheels stand still or the version does not know how they turn. Of each torque,
+    `steepest_climb_slope_deg` is the slope up to which every slope of the map is climbed, found to 0.01 deg and never
+    above the steepest one asked; None when not even the lowest is. `confidence` is None when the version has no band:
+    the steepest slope then follows the central estimate.
+    """
+
+    mass_kg: float
+    horizon_s: float
+    confidence: float | None
+    slope_deg: Array
+    torque_nm: Array
+    outcome: tuple[tuple[Outcome, ...], ...]
+    mean_speed_m_s: Array
+    slip_ratio: tuple[tuple[float | None, ...], ...]
+    inside_domain: Flags
+    steepest_climb_slope_deg: tuple[float | None, ...]
+
+
+def mobility_map(
+    twin: Twin,
+    mass_kg: float,
+    torques_nm: Sequence[float] | Array,
+    slopes_deg: Sequence[float] | Array,
+    horizon_s: float,
+    confidence: float,
+) -> MobilityMap:
+    """The map of one mass; torques and slopes must rise.
+
+    Raises InvalidValueError for values that are not allowed, NonFiniteError instead of answering NaN or infinity.
+    """
+    torques, slopes = _rising("torque_nm", torques_nm), _rising("slope_deg", slopes_deg)
+    for slope in slopes:
+        for torque in (torques[0], torques[-1]):
+            Scenario(float(slope), mass_kg, float(torque), horizon_s)  # refuses what is not physical
+    if not CONFIDENCE[0] <= confidence <= CONFIDENCE[1]:
+        raise InvalidValueError("confidence", confidence, f"{CONFIDENCE[0]:g} to {CONFIDENCE[1]:g}")
+    ground = _Ground(twin, mass_kg, horizon_s, confidence)
+    shape = len(torques), len(slopes)
+    cells = ground.scenarios(np.repeat(torques, len(slopes)), np.tile(slopes, len(torques)))
+    motion = ground.motion(cells)
+    speed = motion.whole_m / horizon_s
+    return MobilityMap(
+        mass_kg=mass_kg,
+        horizon_s=horizon_s,
+        confidence=None if twin.band is None else confidence,
+        slope_deg=slopes,
+        torque_nm=torques,
+        outcome=_rows([ground.outcome(float(last)) for last in motion.last_part_m], shape),
+        mean_speed_m_s=speed.reshape(shape),
+        slip_ratio=_rows(_slip_ratios(twin, cells, speed), shape),
+        inside_domain=_inside(twin, mass_kg, torques, slopes, horizon_s),
+        steepest_climb_slope_deg=_steepest(ground, torques, slopes, ground.climbed(cells, motion).reshape(shape)),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Motion:
+    """Ways along the slope (m), each of shape (scenario,): whole horizon, its last part, and where the band looks."""
+
+    whole_m: Array
+    last_part_m: Array
+    reach_m: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ground:
+    """What the cells of a map share."""
+
+    twin: Twin
+    mass_kg: float
+    horizon_s: float
+    confidence: float
+
+    def scenarios(self, torques_nm: Array, slopes_deg: Array) -> Scenarios:
+        return Scenarios(np.radians(slopes_deg), np.full(len(slopes_deg), self.mass_kg), torques_nm)
+
+    def motion(self, scenarios: Scenarios) -> _Motion:
+        """The model's answer for all scenarios. Raises NonFiniteError."""
+        reach_time = self.horizon_s if self.twin.band is None else self.twin.band.reach_time_s
+        times = np.array([0.0, (1.0 - LAST_PART) * self.horizon_s, self.horizon_s, reach_time])
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
+            start, late, end, reach = self.twin.model.positions(scenarios, times).x_m.T
+            motion = _Motion(end - start, end - late, reach)
+        if not all(np.isfinite(each).all() for each in (motion.whole_m, motion.last_part_m, motion.reach_m)):
+            name = f"{self.twin.name}@{self.twin.version}"
+            raise NonFiniteError(f"{name} has no finite answer for a mass_kg of {self.mass_kg:g} somewhere on this map")
+        return motion
+
+    def outcome(self, last_part_m: float) -> Outcome:
+        return outcome_of(last_part_m / (LAST_PART * self.horizon_s))
+
+    def climbed(self, scenarios: Scenarios, motion: _Motion) -> Flags:
+        """Whether the rover climbs with the asked confidence, shape (scenario,)."""
+        lower_m = motion.last_part_m
+        if self.twin.band is not None:
+            level = 2.0 * self.confidence - 1.0
+            half_m, _ = self.twin.band.half_widths(scenarios, np.array([self.horizon_s]), level, motion.reach_m)
+            lower_m = lower_m - half_m[:, 0]
+        return np.array([self.outcome(float(last)) is Outcome.CLIMBS for last in lower_m])
+
+
+def _steepest(ground: _Ground, torques: Array, slopes: Array, climbed: Flags) -> tuple[float | None, ...]:
+    """Halves the step after the last slope of each torque's gapless climb, all torques at once."""
+    leading = np.logical_and.accumulate(climbed, axis=1).sum(axis=1)
+    low = slopes[np.maximum(leading - 1, 0)].copy()
+    high = slopes[np.minimum(leading, len(slopes) - 1)].copy()
+    rows = np.flatnonzero((leading > 0) & (leading < len(slopes)))
+    while len(rows := rows[high[rows] - low[rows] > STEEPEST_STEP_DEG]):
+        middle = (low[rows] + high[rows]) / 2.0
+        scenarios = ground.scenarios(torques[rows], middle)
+        still = ground.climbed(scenarios, ground.motion(scenarios))
+        low[rows[still]] = middle[still]
+        high[rows[~still]] = middle[~still]
+    return tuple(float(slope) if count else None for slope, count in zip(low, leading, strict=True))
+
+
+def _slip_ratios(twin: Twin, cells: Scenarios, speed_m_s: Array) -> list[float | None]:
+    """Of each cell, given their mean speeds, both of shape (scenario,)."""
+    if twin.wheel_motion_resistance is None:
+        return [None] * len(cells)
+    rover, regolith = twin.model.prior.rover, twin.model.prior.regolith
+    wheels = wheel_speed_rad_s(rover, regolith, twin.wheel_motion_resistance, cells)
+    return [slip_ratio(rover, float(speed), float(wheel)) for speed, wheel in zip(speed_m_s, wheels, strict=True)]
+
+
+def _inside(twin: Twin, mass_kg: float, torques: Array, slopes: Array, horizon_s: float) -> Flags:
+    judge = twin.domain.judge
+    return np.array(
+        [[judge(slope, mass_kg, torque, horizon_s).inside for slope in slopes.tolist()] for torque in torques.tolist()]
+    )
+
+
+def _rows(cells: Sequence[Cell], shape: tuple[int, int]) -> tuple[tuple[Cell, ...], ...]:
+    height, width = shape
+    return tuple(tuple(cells[row * width : (row + 1) * width]) for row in range(height))
+
+
+def _rising(field: str, values: Sequence[float] | Array) -> Array:
+    column = np.asarray(values, dtype=np.float64)
+    if column.ndim != 1 or not 1 <= len(column) <= MOST_VALUES or not (np.diff(column) > 0).all():
+        raise InvalidValueError(field, column.tolist(), f"1 to {MOST_VALUES} rising values")
+    return column
