@@ -39,8 +39,11 @@ def predict(
     ] = "slope",
     include: Annotated[
         list[str] | None,
-        typer.Option(help="Add a part to the answer: prior, the closed-form solution alone."),
+        typer.Option(help="Add a part to the answer: prior, the closed-form solution alone; band, an error interval."),
     ] = None,
+    band_level: Annotated[
+        float, typer.Option(help="How often the truth shall lie in the band, with --include band; 0.5 to 0.99.")
+    ] = 0.9,
     strict: Annotated[
         bool, typer.Option("--strict", help="Refuse a scenario outside the model's domain: exit code 4.")
     ] = False,
@@ -78,6 +81,7 @@ def predict(
         "dt_s": dt_s,
         "frame": frame,
         "include": include or [],
+        "band_level": band_level,
         "strict": strict,
     }
     if model is not None:

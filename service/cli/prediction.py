@@ -64,7 +64,8 @@ def _predict(store: ModelStore, inputs: PredictionInputs) -> Subject:
     use_threads()
     loaded = TwinRegistry(store, settings.default_model).get(inputs.model)
     scenario = Scenario(inputs.slope_deg, inputs.mass_kg, inputs.torque_nm, inputs.horizon_s)
-    prediction = loaded.twin.predict(scenario, sample_times(inputs.horizon_s, inputs.dt_s), inputs.frame)
+    times = sample_times(inputs.horizon_s, inputs.dt_s)
+    prediction = loaded.twin.predict(scenario, times, inputs.frame, inputs.wanted_band_level)
     if inputs.strict and not prediction.domain.inside:
         reasons = "; ".join(reason.detail for reason in prediction.domain.reasons)
         name = f"{loaded.twin.name}@{loaded.twin.version}"

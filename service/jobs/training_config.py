@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from service.learning.fit_config import FitConfig
 
 PriorName = Literal["rigid_slope", "motor_slope"]
-ArchitectureName = Literal["paper_network", "zero"]
+ArchitectureName = Literal["resistance_process", "paper_network", "zero"]
 InputName = Literal["time_s", "slope_deg", "mass_kg", "torque_nm", "torque_ratio"]
 XForm = Literal["position", "mean_speed"]
 

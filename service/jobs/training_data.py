@@ -17,7 +17,7 @@ from service.learning.observed import ObservedRun
 from service.physics.parameters import LUNAR_REGOLITH, VIPER, RegolithParameters, RoverParameters
 from service.physics.scenario import Scenarios
 
-_COLUMNS = ("time_s", "rear_x_m", "rear_y_m", "rear_omega_radps", "front_omega_radps")
+_COLUMNS = ("time_s", "rear_x_m", "rear_y_m", "rear_omega_radps", "front_omega_radps", "speed_mps")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,4 +101,7 @@ def _observed(run: Run) -> ObservedRun:
         x_m=run.x_m,
         y_m=run.y_m,
         mean_wheel_speed_rad_s=float(np.mean(wheels)) if wheels else None,
+        rear_wheel_speed_rad_s=run.columns.get("rear_omega_radps"),
+        front_wheel_speed_rad_s=run.columns.get("front_omega_radps"),
+        body_speed_m_s=run.columns.get("speed_mps"),
     )
