@@ -42,10 +42,13 @@ openapi: $(VENV)/.dev ## refresh the OpenAPI document that a test compares
 datasets: $(VENV)/.runtime ## rebuild the shipped datasets from the original Chrono output in $(CHRONO)
 	@for set in paper mass space; do $(BIN)/rover-twin datasets import $(CHRONO) --set $$set --name $$set --strict || exit 1; done
 
-model: $(VENV)/.runtime ## train the shipped model from the shipped datasets (minutes) as its next version
-	@$(BIN)/rover-twin train --model viper-lunar --dataset paper --dataset mass --dataset space --test-fraction 0.125 \
+model: $(VENV)/.runtime ## train the shipped models from the shipped datasets (three minutes) as their next versions
+	@$(BIN)/rover-twin train --model viper-lunar --dataset paper --dataset mass --dataset space \
+		--architecture resistance_process --threads 1 --promote champion --actor "Rover Twin" \
+		--description "VIPER on lunar regolith: the resistance process" $(ARGS)
+	@$(BIN)/rover-twin train --model viper-lunar-paper --dataset paper --dataset mass --dataset space --test-fraction 0.125 \
 		--seed 1 --epochs 200 --rows-per-epoch 40000 --threads 1 --promote champion --actor "Rover Twin" \
-		--description "VIPER on lunar regolith: the paper's network over the motor prior" $(ARGS)
+		--description "VIPER on lunar regolith: the paper's network over the motor prior, for comparison" $(ARGS)
 
 clean:
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

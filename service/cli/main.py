@@ -12,7 +12,7 @@ import typer
 from typer.main import get_command
 
 import service
-from service.cli import datasets, evaluate, models, openapi, predict, serve, train
+from service.cli import datasets, evaluate, mobility, models, openapi, predict, reproduce, serve, suggest_runs, train
 from service.cli.failures import EXIT_CODES_HELP, ExitCode, failure_of
 from service.cli.output import note
 
@@ -56,8 +56,11 @@ def _program(
 
 app.command("serve")(serve.serve)
 app.command("predict")(predict.predict)
+app.command("mobility")(mobility.mobility)
 app.command("train")(train.train)
 app.command("evaluate")(evaluate.evaluate)
+app.command("reproduce")(reproduce.reproduce)
+app.command("suggest-runs")(suggest_runs.suggest_runs)
 app.add_typer(models.app)
 app.add_typer(datasets.app)
 app.command("openapi")(openapi.openapi)
