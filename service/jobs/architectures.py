@@ -18,7 +18,7 @@ from service.learning.inputs import InputSignature
 from service.learning.model import PhysicsInformedModel, TrajectoryModel
 from service.learning.observed import ObservedRun, scenarios_of
 from service.learning.residuals import make_residual
-from service.learning.resistance import fit_resistance_process
+from service.learning.resistance.fit import fit_resistance_process
 from service.learning.rows import Rows, rows_of
 from service.learning.split import training_samples, validation_samples
 from service.physics.prior import Prior

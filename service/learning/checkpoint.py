@@ -14,7 +14,7 @@ from service.errors import CheckpointError
 from service.learning.inputs import InputSignature
 from service.learning.model import PhysicsInformedModel, TrajectoryModel
 from service.learning.residuals import make_residual
-from service.learning.resistance import ResistanceProcess
+from service.learning.resistance.model import ResistanceProcess
 from service.physics.prior import Prior
 from service.physics.priors import describe_prior, restore_prior
 

@@ -98,3 +98,16 @@ def test_damaged_weights_are_one_line(store):
     answer = call("predict", *SCENARIO, *_AT_ROVER, "--store", store)
     assert answer.code == ExitCode.FAILED
     assert "weights.safetensors" in answer.error
+
+
+def test_the_shipped_champion_has_a_band_around_its_trajectory():
+    answer = call("predict", *SCENARIO, "--include", "band", "--band-level", "0.8", "--json").json
+    assert answer["band"]["level"] == 0.8
+    band, x = answer["band"], answer["trajectory"]["x_m"]
+    assert all(low <= at <= high for low, at, high in zip(band["x_lower_m"], x, band["x_upper_m"], strict=True))
+
+
+def test_a_band_that_a_version_has_not_is_refused():
+    refused = call("predict", *SCENARIO, "--model", "viper-lunar@1", "--include", "band")
+    assert refused.code == ExitCode.USAGE
+    assert "published without a band" in refused.err

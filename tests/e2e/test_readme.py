@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -38,6 +39,11 @@ def readme_blocks() -> list[Block]:
 def commands() -> list[str]:
     """Every line of every sh block."""
     return [line for block in readme_blocks() if block.language == "sh" for line in block.text.splitlines()]
+
+
+def is_finite_command(command: str) -> bool:
+    """A command of the program that ends by itself."""
+    return command.startswith(".venv/bin/rover-twin ") and " serve " not in command
 
 
 @pytest.fixture(scope="module")
@@ -110,26 +116,28 @@ def assert_close(found: object, expected: object, where: str = "answer") -> None
 def test_the_readme_holds(clone):
     """One test, since a reader goes from top to bottom: what a step makes, a later one uses."""
     blocks = readme_blocks()
-    asked = [
-        (block.text.strip(), blocks[index + 1].text)
-        for index, block in enumerate(blocks)
-        if block.text.startswith("curl")
-    ]
-    assert len(asked) == 2
+    curls = [(block.text.strip(), following) for block, following in pairwise(blocks) if block.text.startswith("curl")]
+    assert [following.language for _, following in curls] == ["json", "json", "sh"]
     training = [line for line in commands() if "my-" in line]
     assert len(training) == 5
 
     with serving("make run", clone, 8000):
-        for command, answer in asked:
-            assert_close(json.loads(run(command, clone)), json.loads(answer))
+        for command, shown in curls:
+            answer = json.loads(run(command, clone))
+            if shown.language == "json":
+                assert_close(answer, json.loads(shown.text))
+            else:
+                assert all(25 < slope < 33 for slope in answer["steepest_climb_slope_deg"])
         run(".venv/bin/pip install --quiet --constraint constraints.txt ./clients/python", clone)
         (snippet,) = [block.text for block in blocks if block.language == "python"]
         (clone / "ask.py").write_text(snippet)
         assert run(".venv/bin/python ask.py", clone).startswith("climbs 1.2")
-    (predict,) = [line for line in commands() if " predict " in line]
-    assert "climbs" in run(predict, clone)
-    for command in training[:-1]:
-        run(command, clone, timeout_s=900)
+    printed = {command: run(command, clone, timeout_s=900) for command in commands() if is_finite_command(command)}
+    assert set(training[:-1]) <= printed.keys()
+    (predicted,) = [text for command, text in printed.items() if " predict " in command]
+    (suggested,) = [text for command, text in printed.items() if " suggest-runs " in command]
+    assert "climbs" in predicted
+    assert len(suggested.splitlines()) >= 9
     with serving(training[-1], clone, 8001), urlopen("http://127.0.0.1:8001/v1/models") as answer:
         models = json.load(answer)["models"]
         assert [(each["name"], each["aliases"]) for each in models] == [("my-rover", {"champion": 1})]

@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.learning.observed import ObservedRun, scenarios_of
-from service.learning.resistance import FittedProcess, ResistanceProcess, fit_resistance_process
 from service.learning.resistance import model as model_module
+from service.learning.resistance.fit import FittedProcess, fit_resistance_process
 from service.learning.resistance.integrate import steps_until
+from service.learning.resistance.model import ResistanceProcess
 from service.physics.parameters import LUNAR_REGOLITH, VIPER, RoverParameters
 from service.physics.priors import make_prior
 from service.physics.scenario import Array, Scenarios
