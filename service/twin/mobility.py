@@ -27,6 +27,8 @@ Cell = TypeVar("Cell")
 Flags = npt.NDArray[np.bool_]
 
 MOST_VALUES = 64  # of slopes and of torques
+# Cells times horizon: on one core the shipped champion takes about three seconds for so much, and a worker with it.
+MOST_CELL_SECONDS = 12_000.0
 CONFIDENCE = (0.75, 0.995)  # one-sided; bands are calibrated at two-sided levels of 0.5 to 0.99
 STEEPEST_STEP_DEG = 0.01
 
@@ -69,6 +71,9 @@ def mobility_map(
     for slope in slopes:
         for torque in (torques[0], torques[-1]):
             Scenario(float(slope), mass_kg, float(torque), horizon_s)  # refuses what is not physical
+    if (asked := len(torques) * len(slopes) * horizon_s) > MOST_CELL_SECONDS:
+        limit = f"at most {MOST_CELL_SECONDS:g} s: ask for fewer torques or slopes, or a shorter horizon_s"
+        raise InvalidValueError("torques x slopes x horizon_s", asked, limit)
     if not CONFIDENCE[0] <= confidence <= CONFIDENCE[1]:
         raise InvalidValueError("confidence", confidence, f"{CONFIDENCE[0]:g} to {CONFIDENCE[1]:g}")
     ground = _Ground(twin, mass_kg, horizon_s, confidence)

@@ -173,3 +173,12 @@ def test_what_cannot_be_mapped_is_refused(twin, field, change):
 def test_infinity_is_never_an_answer(twin):
     with pytest.raises(NonFiniteError):
         mobility_map(gliding(twin, 1e308), 430.0, [60.0], [0.0], 100.0, 0.9)
+
+
+def test_a_map_that_would_hold_a_worker_for_long_is_refused(twin):
+    slopes, torques = np.linspace(0, 30, 64), np.linspace(30, 90, 64)
+    with pytest.raises(
+        InvalidValueError, match=r"torques x slopes x horizon_s is 40960\.0, allowed is at most 12000 s"
+    ):
+        mobility_map(twin, 430.0, torques, slopes, 10.0, 0.9)
+    assert len(mobility_map(twin, 430.0, torques, slopes, 1.0, 0.9).outcome) == 64
