@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 from typing import Annotated, Any
 
@@ -10,9 +11,11 @@ from pydantic.json_schema import SkipJsonSchema
 
 from service.allowed import allowed_values
 from service.api.encoders import Format
+from service.errors import InvalidValueError
 from service.learning.band import HIGHEST_LEVEL, LOWEST_LEVEL, USUAL_LEVEL
 from service.settings import LIMITS
 from service.twin import Frame
+from service.twin.scenario import sample_count
 
 _REFERENCE = r"^[a-z0-9][a-z0-9-]{0,62}(@([a-z][a-z0-9-]{0,62}|[1-9][0-9]{0,8}))?$"
 
@@ -175,3 +178,20 @@ def _allowed() -> dict[str, str]:
 
 ALLOWED = _allowed()
 """What each field of a prediction accepts, in words."""
+
+
+def require_few_points(asked: PredictionInputs, max_points: int) -> None:
+    """Raises InvalidValueError, with the steps that this horizon allows, for more than `max_points` points."""
+    if sample_count(asked.horizon_s, asked.dt_s) > max_points:
+        finest = smallest_step_s(asked.horizon_s, max_points)
+        allowed = (
+            f"{finest:g} to {LIMITS.dt_s[1]:g} for a horizon_s of {asked.horizon_s:g} (at most {max_points} points)"
+        )
+        raise InvalidValueError("dt_s", asked.dt_s, allowed)
+
+
+def smallest_step_s(horizon_s: float, max_points: int) -> float:
+    """The smallest step that keeps to `max_points`, rounded up to three significant digits so that it can be typed."""
+    exact = max(horizon_s / (max_points - 1), LIMITS.dt_s[0])
+    unit = 10.0 ** (math.floor(math.log10(exact)) - 2)
+    return float(f"{math.ceil(exact / unit * (1 - 1e-12)) * unit:.3g}")

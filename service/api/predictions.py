@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections import Counter
 from collections.abc import Sequence
 from email.message import Message
@@ -15,14 +14,20 @@ from service.api.answers import PredictionAnswer
 from service.api.encoders import ENCODERS, Format, Subject
 from service.api.errors import InvalidInputError, OutsideDomainError, UnsupportedMediaTypeError
 from service.api.input_faults import MAX_FAULTS, InputFault, echo, fault
-from service.api.inputs import ALLOWED, FormatQuery, Include, PredictionBody, PredictionInputs, PredictionQuery
+from service.api.inputs import (
+    ALLOWED,
+    FormatQuery,
+    Include,
+    PredictionBody,
+    PredictionInputs,
+    PredictionQuery,
+    require_few_points,
+)
 from service.api.negotiation import choose_format
 from service.api.openapi import problem_responses
 from service.api.problems import Slug
 from service.api.services import Parts, Services
-from service.settings import LIMITS
 from service.twin import Loaded, Scenario, sample_times
-from service.twin.scenario import sample_count
 
 _MAY_REPEAT = frozenset({"include"})
 _RESPONSES: dict[int | str, dict[str, Any]] = {
@@ -128,7 +133,7 @@ async def post_prediction(
 
 
 async def _predict(asked: PredictionInputs, form: Format, parts: Services) -> Response:
-    _require_few_points(asked, parts.settings.max_points)
+    require_few_points(asked, parts.settings.max_points)
     loaded = await parts.storage.run(lambda: parts.registry.get(asked.model))
     return await parts.predictions.run(lambda: _computed(asked, form, loaded))
 
@@ -144,19 +149,3 @@ def _computed(asked: PredictionInputs, form: Format, loaded: Loaded) -> Response
     encoder = ENCODERS[form]
     headers = {"Vary": "Accept", **encoder.headers(subject)}
     return Response(encoder.encode(subject), headers=headers, media_type=encoder.media_type)
-
-
-def _require_few_points(asked: PredictionInputs, max_points: int) -> None:
-    if sample_count(asked.horizon_s, asked.dt_s) > max_points:
-        finest = smallest_step_s(asked.horizon_s, max_points)
-        allowed = (
-            f"{finest:g} to {LIMITS.dt_s[1]:g} for a horizon_s of {asked.horizon_s:g} (at most {max_points} points)"
-        )
-        raise InvalidInputError(fault("dt_s", asked.dt_s, allowed))
-
-
-def smallest_step_s(horizon_s: float, max_points: int) -> float:
-    """The smallest step that keeps to `max_points`, rounded up to three significant digits so that it can be typed."""
-    exact = max(horizon_s / (max_points - 1), LIMITS.dt_s[0])
-    unit = 10.0 ** (math.floor(math.log10(exact)) - 2)
-    return float(f"{math.ceil(exact / unit * (1 - 1e-12)) * unit:.3g}")

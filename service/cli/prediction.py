@@ -14,14 +14,12 @@ from rich.console import Console
 from model_store import ModelStore
 from service.api.encoders import ENCODERS, Format, Subject
 from service.api.input_faults import faults_of, summary_of
-from service.api.inputs import Include, PredictionInputs
+from service.api.inputs import Include, PredictionInputs, require_few_points
 from service.cli.failures import RefusedError, UsageError
 from service.cli.output import make_table
 from service.cli.threads import use_threads
-from service.errors import InvalidValueError
 from service.settings import load_settings
 from service.twin import Scenario, TwinRegistry, sample_times
-from service.twin.scenario import sample_count
 
 _SHOWN_ROWS = 11
 
@@ -57,10 +55,7 @@ def _checked(inputs: Mapping[str, Any]) -> PredictionInputs:
 
 def _predict(store: ModelStore, inputs: PredictionInputs) -> Subject:
     settings = load_settings()
-    count = sample_count(inputs.horizon_s, inputs.dt_s)
-    if count > settings.max_points:
-        asked = f"with horizon_s {inputs.horizon_s:g} this one gives {count}"
-        raise InvalidValueError("dt_s", inputs.dt_s, f"a step that gives at most {settings.max_points} points; {asked}")
+    require_few_points(inputs, settings.max_points)
     use_threads()
     loaded = TwinRegistry(store, settings.default_model).get(inputs.model)
     scenario = Scenario(inputs.slope_deg, inputs.mass_kg, inputs.torque_nm, inputs.horizon_s)

@@ -59,9 +59,13 @@ class Twin:
             raise InvalidValueError("frame", frame.value, "slope where a band is asked for: it bounds x and y there")
         physics = scenario.as_physics()
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-            prior = self.model.prior.positions(physics, time_s)
-            corrected = self.model.corrected(prior, physics, time_s)
-            summary = self._summarise(scenario, physics, corrected)
+            # One more time, since the outcome must not depend on the sampling that was asked for.
+            late_s = (1.0 - LAST_PART) * scenario.horizon_s
+            times = np.append(time_s, late_s)
+            with_late_prior = self.model.prior.positions(physics, times)
+            with_late = self.model.corrected(with_late_prior, physics, times)
+            prior, corrected = _but_last(with_late_prior), _but_last(with_late)
+            summary = self._summarise(scenario, physics, corrected, late_x_m=float(with_late.x_m[0, -1]))
             band = None if band_level is None else self._band_around(corrected, physics, time_s, band_level)
         totals = np.array([summary.distance_m, summary.mean_speed_m_s])
         bounds = () if band is None else band.columns().values()
@@ -95,13 +99,12 @@ class Twin:
         x, y = positions.x_m[0], positions.y_m[0]
         return PredictionBand(level, x - half_x, x + half_x, y - half_y, y + half_y)
 
-    def _summarise(self, scenario: Scenario, physics: Scenarios, positions: Positions) -> Summary:
+    def _summarise(self, scenario: Scenario, physics: Scenarios, positions: Positions, late_x_m: float) -> Summary:
+        """`late_x_m` is x where the last part of the horizon begins."""
         x, y = positions.x_m[0], positions.y_m[0]
-        # The outcome must not depend on the sampling that was asked for, hence two times of its own.
-        ends = self.model.positions(physics, scenario.horizon_s * np.array([1.0 - LAST_PART, 1.0])).x_m[0]
         mean_speed = float(x[-1] - x[0]) / scenario.horizon_s
         return Summary(
-            outcome=outcome_of(float(ends[1] - ends[0]) / (LAST_PART * scenario.horizon_s)),
+            outcome=outcome_of((float(x[-1]) - late_x_m) / (LAST_PART * scenario.horizon_s)),
             final_x_m=float(x[-1]),
             final_y_m=float(y[-1]),
             distance_m=float(np.hypot(np.diff(x), np.diff(y)).sum()),
@@ -115,6 +118,10 @@ class Twin:
         prior = self.model.prior
         wheels = wheel_speed_rad_s(prior.rover, prior.regolith, self.wheel_motion_resistance, physics)
         return slip_ratio(prior.rover, mean_speed_m_s, float(wheels[0]))
+
+
+def _but_last(positions: Positions) -> Positions:
+    return Positions(positions.x_m[:, :-1], positions.y_m[:, :-1])
 
 
 def _in_frame(positions: Positions, physics: Scenarios, frame: Frame) -> Mapping[str, Array]:

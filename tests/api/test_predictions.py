@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.api.predictions import smallest_step_s
+from service.api.inputs import smallest_step_s
 from service.settings import LIMITS
 from service.twin.scenario import sample_count
 
