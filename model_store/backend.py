@@ -27,7 +27,10 @@ from obstore.store import LocalStore, from_url
 from model_store.errors import ArtefactTooLargeError, StoreUnavailableError
 
 if TYPE_CHECKING:
+    from obstore import BytesStream
     from obstore.store import ObjectStore
+
+CHUNK_BYTES = 1 << 20
 
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://")
 _SECRETS = re.compile(r"(?<=//)[^\s/]*@|\?[^\s\"]+")
@@ -82,6 +85,26 @@ class Backend:
                 )
             return bytes(found.bytes())
 
+    def chunks(self, key: str) -> Iterator[bytes] | None:
+        """An object piece by piece, for those who pass it on; None when there is none.
+
+        Raises StoreUnavailableError, also between two pieces.
+        """
+        with self._translated("read", key):
+            try:
+                found = obstore.get(self._objects, key)
+            except FileNotFoundError:
+                return None
+        return self._pieces(found.stream(min_chunk_size=CHUNK_BYTES), key)
+
+    def _pieces(self, pieces: BytesStream, key: str) -> Iterator[bytes]:
+        while True:
+            with self._translated("read", key):
+                piece = next(pieces, None)
+            if piece is None:
+                return
+            yield bytes(piece)
+
     def exists(self, key: str) -> bool:
         """Whether an object is there, without reading it."""
         with self._translated("look up", key):
@@ -106,6 +129,20 @@ class Backend:
         Over a network the answer to a successful put can get lost and the retry then meets its own object.
         """
         return self.create(key, data) or self.read(key, limit_bytes=max(len(data), 1 << 20)) == data
+
+    def replace(self, key: str, data: bytes) -> None:
+        """Write an object in one piece, over the one that may be there."""
+        with self._translated("write", key):
+            obstore.put(self._objects, key, data, use_multipart=False)
+
+    def remove(self, key: str) -> bool:
+        """Remove an object; False when there was none."""
+        with self._translated("remove", key):
+            try:
+                obstore.delete(self._objects, key)
+            except FileNotFoundError:
+                return False
+            return True
 
     def keys(self, prefix: str) -> list[str]:
         """Every key under a prefix, relative to it, in no particular order; empty when there is nothing."""

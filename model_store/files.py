@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
@@ -13,6 +13,7 @@ from model_store.errors import ArtefactTooLargeError, CorruptArtefactError, Inva
 
 MAX_FILE_BYTES = 2 << 30
 MAX_FILES = 256
+_REMEDY = "restore this file from a backup, or go back to another version"
 
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 
@@ -71,22 +72,44 @@ def read_verified(backend: Backend, key: str, entry: FileEntry, *, limit_bytes: 
     """
     if entry.size_bytes > limit_bytes:
         raise ArtefactTooLargeError(f"{key} has {entry.size_bytes} bytes, this reader accepts {limit_bytes}")
-    remedy = "restore this file from a backup, or go back to another version"
     try:
         data = backend.read(key, limit_bytes=entry.size_bytes)
     except ArtefactTooLargeError as error:
         raise CorruptArtefactError(
-            f"{key} is larger than the {entry.size_bytes} bytes published: it was altered; {remedy}"
+            f"{key} is larger than the {entry.size_bytes} bytes published: it was altered; {_REMEDY}"
         ) from error
     if data is None:
-        raise CorruptArtefactError(f"{key} was published with {entry.size_bytes} bytes and is gone; {remedy}")
+        raise CorruptArtefactError(f"{key} was published with {entry.size_bytes} bytes and is gone; {_REMEDY}")
     if len(data) != entry.size_bytes:
         raise CorruptArtefactError(
-            f"{key} has {len(data)} bytes, published were {entry.size_bytes}: it is truncated; {remedy}"
+            f"{key} has {len(data)} bytes, published were {entry.size_bytes}: it is truncated; {_REMEDY}"
         )
     found = hashlib.sha256(data).hexdigest()
     if found != entry.sha256:
         raise CorruptArtefactError(
-            f"{key} has sha256 {found[:12]}..., published was {entry.sha256[:12]}...: it was altered; {remedy}"
+            f"{key} has sha256 {found[:12]}..., published was {entry.sha256[:12]}...: it was altered; {_REMEDY}"
         )
     return data
+
+
+def stream_verified(backend: Backend, key: str, entry: FileEntry) -> Iterator[bytes]:
+    """The pieces of a file, compared with what was published before the last one is given: a reader never has a whole
+    file that is not the published one.
+
+    Raises CorruptArtefactError at the first piece when the file is gone, at the last when it differs;
+    StoreUnavailableError when the backend fails.
+    """
+    pieces = backend.chunks(key)
+    if pieces is None:
+        raise CorruptArtefactError(f"{key} was published with {entry.size_bytes} bytes and is gone; {_REMEDY}")
+    digest, size, held = hashlib.sha256(), 0, b""
+    for piece in pieces:
+        digest.update(piece)
+        size += len(piece)
+        if size > entry.size_bytes:
+            break
+        yield held
+        held = piece
+    if (size, digest.hexdigest()) != (entry.size_bytes, entry.sha256):
+        raise CorruptArtefactError(f"{key} is not the {entry.size_bytes} bytes that were published; {_REMEDY}")
+    yield held

@@ -2,7 +2,9 @@
 
     models/<name>/versions/<n>/{weights.safetensors, report/*, manifest.json}
     models/<name>/aliases/<alias>/<seq>.json
+    models/<name>/once/<key>.json
     datasets/<sha256>/{..., dataset.json}
+    jobs/<job id>/<file>
 
 Every function that builds a path checks its parts first, so nothing from outside can point beyond its place.
 All checks raise `InvalidReferenceError`.
@@ -19,6 +21,7 @@ MANIFEST = "manifest.json"
 DATASET = "dataset.json"
 MODELS_ROOT = "models"
 DATASETS_ROOT = "datasets"
+WORK_ROOT = "jobs"
 MAX_VERSION = 999_999_999
 MAX_SEQ = 99_999_999
 
@@ -26,10 +29,13 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,62}")
 _ALIAS = re.compile(r"[a-z][a-z0-9-]{0,62}")
 _VERSION = re.compile(r"[1-9][0-9]{0,8}")
 _SEQ_FILE = re.compile(r"([0-9]{8})\.json")
+_ONCE_KEY = re.compile(r"[a-z0-9][a-z0-9._-]{0,127}")
+_JOB_ID = re.compile(r"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 _DATASET_ID = re.compile(r"[0-9a-f]{64}")
 _DATASET_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
 _PLAIN_FILE = r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}"
 _DATASET_FILE = re.compile(_PLAIN_FILE)
+_WORK_FILE = re.compile(_PLAIN_FILE)
 _VERSION_FILE = re.compile(rf"{re.escape(WEIGHTS)}|report/{_PLAIN_FILE}")
 
 
@@ -53,6 +59,11 @@ def check_version(version: int) -> int:
 def check_version_file(file: str) -> str:
     """Return the file name when a version may hold it: the weights or `report/<plain name>`."""
     return _checked("file", file, _VERSION_FILE, f"'{WEIGHTS}' or 'report/<name>' with A-Z a-z 0-9 . _ -")
+
+
+def check_once_key(once_key: str) -> str:
+    """Return the key under which something is published once, when it is safe to use as a file name."""
+    return _checked("once_key", once_key, _ONCE_KEY, "a-z 0-9 . _ -, starting with a letter or digit, at most 128")
 
 
 def check_dataset_id(dataset_id: str) -> str:
@@ -82,6 +93,11 @@ def version_prefix(name: str, version: int) -> str:
     return f"{versions_prefix(name)}/{check_version(version)}"
 
 
+def once_record(name: str, once_key: str) -> str:
+    """The path of the record that decides which version a key is published as."""
+    return f"{MODELS_ROOT}/{check_name(name)}/once/{check_once_key(once_key)}.json"
+
+
 def aliases_prefix(name: str) -> str:
     """Where the aliases of a model live."""
     return f"{MODELS_ROOT}/{check_name(name)}/aliases"
@@ -95,6 +111,22 @@ def alias_prefix(name: str, alias: str) -> str:
 def alias_record(name: str, alias: str, seq: int) -> str:
     """The path of one alias record."""
     return f"{alias_prefix(name, alias)}/{seq:08d}.json"
+
+
+def check_job_id(job: str) -> str:
+    """Return the job's id when it is a UUID in lower case."""
+    return _checked("job id", job, _JOB_ID, "a UUID in lower case")
+
+
+def work_prefix(job: str) -> str:
+    """Where the work files of one job live."""
+    return f"{WORK_ROOT}/{check_job_id(job)}"
+
+
+def work_file(job: str, file: str) -> str:
+    """The path of one work file of a job."""
+    name = _checked("file", file, _WORK_FILE, "a plain name with A-Z a-z 0-9 . _ -, at most 128")
+    return f"{work_prefix(job)}/{name}"
 
 
 def dataset_prefix(dataset_id: str) -> str:
@@ -121,6 +153,11 @@ def is_name(text: str) -> bool:
 def is_alias(text: str) -> bool:
     """Whether the text is a well-formed alias."""
     return _ALIAS.fullmatch(text) is not None
+
+
+def is_job_id(text: str) -> bool:
+    """Whether the text is a well-formed job id."""
+    return _JOB_ID.fullmatch(text) is not None
 
 
 def is_dataset_id(text: str) -> bool:

@@ -25,9 +25,12 @@ class Lineage(BaseModel):
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
+    job: Annotated[Text, StringConstraints(max_length=128)] | None = None
+    """Id of the training job; None where a person trained it, and in versions older than jobs."""
     datasets: list[Sha256] = Field(default_factory=list)
     split: Json = None
     seed: int | None = None
+    threads: int | None = None
     config: JsonObject = Field(default_factory=dict)
     libraries: dict[Text, Text] = Field(default_factory=dict)
     code_version: Text = ""

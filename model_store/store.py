@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from model_store.aliases import Aliases
 from model_store.backend import Backend
-from model_store.files import MAX_FILE_BYTES
+from model_store.errors import CorruptArtefactError, NotFoundError, UnsupportedFormatError
+from model_store.files import MAX_FILE_BYTES, FileEntry
 from model_store.manifest import Manifest, ManifestDraft
 from model_store.records import AliasRecord, DatasetDraft, DatasetRecord
 from model_store.references import Resolved
 from model_store.stored_datasets import Datasets
 from model_store.versions import Versions
+from model_store.work import WorkFiles
 
 
 class ModelStore:
@@ -28,6 +30,7 @@ class ModelStore:
         self._versions = Versions(backend)
         self._aliases = Aliases(backend, self._versions)
         self._datasets = Datasets(backend)
+        self._work = WorkFiles(backend)
 
     @classmethod
     def open(cls, url: str | os.PathLike[str], *, create: bool = False) -> ModelStore:
@@ -60,7 +63,9 @@ class ModelStore:
         """
         return self._versions.numbers(name)
 
-    def publish(self, name: str, files: Mapping[str, bytes], draft: ManifestDraft) -> Manifest:
+    def publish(
+        self, name: str, files: Mapping[str, bytes], draft: ManifestDraft, once_key: str | None = None
+    ) -> Manifest:
         """Publish a new version and return its manifest; it never touches an older one.
 
         `files` holds `weights.safetensors` and any `report/<plain name>`. The number is one above the highest in use,
@@ -72,11 +77,24 @@ class ModelStore:
         safe by then, but obstore writes local files without fsync, so a directory may lose or tear the last seconds
         on disk. Torn files are detected by their digests and refused, never served; publish again then.
 
+        With a `once_key` (a job's id: a-z, 0-9, '.', '_', '-', at most 128) the model gets at most one version for this
+        key, ever: of any number of publishers, at once or one after another was killed, the first to have written all
+        its files wins. The others return the manifest of that version, whatever they offered.
+
         Raises:
             InvalidDraftError: files missing, too many or too large, or a manifest over 1 MiB; nothing was written.
             ConflictError: a hundred other publishers were faster.
+            CorruptArtefactError, UnsupportedFormatError: the version of this `once_key` was damaged or removed.
         """
-        return self._versions.publish(name, files, draft)
+        return self._versions.publish(name, files, draft, once_key)
+
+    def published_once(self, name: str, once_key: str) -> Manifest | None:
+        """The version of a model published with this `once_key`, or None while there is none; reads only.
+
+        Raises:
+            CorruptArtefactError, UnsupportedFormatError: the version of this `once_key` was damaged.
+        """
+        return self._versions.published_once(name, once_key)
 
     def manifest(self, name: str, version: int) -> Manifest:
         """Read the manifest of a version (at most 1 MiB).
@@ -182,7 +200,38 @@ class ModelStore:
             InvalidDraftError: no or too many files, one too large, or a record over 1 MiB; nothing was written.
             CorruptArtefactError, UnsupportedFormatError: a record is there and cannot be read.
         """
+        return self._datasets.put(dataset_id, files, record)[0]
+
+    def offer_dataset(
+        self, dataset_id: str, files: Mapping[str, bytes], record: DatasetDraft
+    ) -> tuple[DatasetRecord, bool]:
+        """`put_dataset` that also says whether it was this call that published the dataset."""
         return self._datasets.put(dataset_id, files, record)
+
+    def delete_dataset(self, dataset_id: str) -> None:
+        """Remove a dataset, given by its whole id. Its record goes first, so that it vanishes at once; deleting again
+        removes what a killed deletion left. Nothing here asks whether it is in use: see `datasets_in_use`.
+
+        Raises:
+            DatasetNotFoundError: there is none, and nothing is left of one.
+        """
+        self._datasets.delete(dataset_id)
+
+    def datasets_in_use(self) -> dict[str, list[str]]:
+        """For each dataset that some published version was trained on: those versions, as `name@2`.
+
+        Reads every manifest. Versions whose manifest cannot be read are skipped: nothing tells what they are made of.
+        """
+        used: dict[str, list[str]] = {}
+        for name in self.model_names():
+            for version in self.versions(name):
+                try:
+                    datasets = self.manifest(name, version).lineage.datasets
+                except (CorruptArtefactError, UnsupportedFormatError, NotFoundError):
+                    continue
+                for dataset_id in dict.fromkeys(datasets):
+                    used.setdefault(dataset_id, []).append(f"{name}@{version}")
+        return used
 
     def dataset_ids(self) -> list[str]:
         """Sorted ids of the published datasets."""
@@ -207,3 +256,38 @@ class ModelStore:
             ArtefactTooLargeError: it is larger than `limit_bytes`; nothing of it was read.
         """
         return self._datasets.read_file(dataset_id, file, limit_bytes)
+
+    def stream_dataset_file(self, dataset_id: str, file: str) -> tuple[FileEntry, Iterator[bytes]]:
+        """One file of a dataset piece by piece: its size and digest, and an iterator over its bytes.
+
+        The bytes are compared with the record before the last piece is given. Raises what `read_dataset_file` raises
+        (the size has no limit here); CorruptArtefactError comes while iterating.
+        """
+        return self._datasets.stream_file(dataset_id, file)
+
+    def put_work(self, job: str, file: str, data: bytes) -> FileEntry:
+        """Keep a work file of a job, in place of the one that may be there; returns its digest, to be read with.
+
+        Work files are no artefacts: nobody lists or serves them, and they go when the job ends.
+        """
+        return self._work.put(job, file, data)
+
+    def read_work(self, job: str, file: str, entry: FileEntry) -> bytes:
+        """Read a work file, compared with the digest from when it was put.
+
+        Raises:
+            CorruptArtefactError: it is missing, truncated or altered.
+        """
+        return self._work.read(job, file, entry)
+
+    def work_names(self, job: str) -> list[str]:
+        """Sorted names of a job's work files."""
+        return self._work.names(job)
+
+    def remove_work(self, job: str, file: str | None = None) -> None:
+        """Remove one work file of a job, or all; that there is none is as good."""
+        self._work.remove(job, file)
+
+    def jobs_with_work(self) -> list[str]:
+        """Sorted ids of the jobs that have work files."""
+        return self._work.jobs()

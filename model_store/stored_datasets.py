@@ -17,7 +17,7 @@ from model_store.errors import (
     NotFoundError,
     UnsupportedFormatError,
 )
-from model_store.files import MAX_FILE_BYTES, FileEntry, digest_files, read_verified
+from model_store.files import MAX_FILE_BYTES, FileEntry, digest_files, read_verified, stream_verified
 from model_store.records import DatasetDraft, DatasetRecord
 
 _PREFIX = re.compile(r"[0-9a-f]{6,63}")
@@ -36,8 +36,11 @@ class Datasets:
             parts[0] for parts in published if parts[1:] == [layout.DATASET] and layout.is_dataset_id(parts[0])
         )
 
-    def put(self, dataset_id: str, files: Mapping[str, bytes], draft: DatasetDraft) -> DatasetRecord:
-        """Write the files, then the record; take up where a killed writer of the same dataset stopped."""
+    def put(self, dataset_id: str, files: Mapping[str, bytes], draft: DatasetDraft) -> tuple[DatasetRecord, bool]:
+        """Write the files, then the record; take up where a killed writer of the same dataset stopped.
+
+        Also says whether the record is this call's.
+        """
         prefix = layout.dataset_prefix(dataset_id)
         for file in files:
             layout.check_dataset_file(file)
@@ -45,12 +48,33 @@ class Datasets:
         record = _complete(dataset_id, entries, draft)
         data = render(record)
         if (published := self._find(dataset_id)) is not None:
-            return _same(published, entries)
+            return _same(published, entries), False
         for file in sorted(files):
             self._create_or_match(f"{prefix}/{file}", files[file], entries[file])
-        if self._backend.create_or_confirm(_record_key(dataset_id), data):
-            return record
-        return _same(self._read(dataset_id), entries)
+        created = self._backend.create_or_confirm(_record_key(dataset_id), data)
+        for file in sorted(files):
+            # a deletion that had begun before may have taken a file that was found to match
+            if not self._backend.exists(f"{prefix}/{file}"):
+                self._create_or_match(f"{prefix}/{file}", files[file], entries[file])
+        return (record, True) if created else (_same(self._read(dataset_id), entries), False)
+
+    def delete(self, dataset_id: str) -> None:
+        """Remove the record, then the files; stop when somebody puts the dataset anew meanwhile."""
+        prefix, record_key = layout.dataset_prefix(dataset_id), _record_key(dataset_id)
+        there = self._backend.keys(prefix)
+        if not there:
+            raise DatasetNotFoundError(f"no dataset {dataset_id}; list the ids there are")
+        self._backend.remove(record_key)
+        for file in sorted(set(there) - {layout.DATASET}):
+            key = f"{prefix}/{file}"
+            content = self._backend.read(key, limit_bytes=MAX_FILE_BYTES)
+            if self._backend.exists(record_key):
+                return
+            self._backend.remove(key)
+            if self._backend.exists(record_key) and content is not None:
+                # put anew in this very moment, and its files were found in place
+                self._backend.create(key, content)
+                return
 
     def get(self, reference: str) -> DatasetRecord:
         """Find a dataset by id, by a unique start of an id, or by its name."""
@@ -70,12 +94,21 @@ class Datasets:
 
     def read_file(self, dataset_id: str, file: str, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
         """Read a file the record lists, verified."""
+        entry = self._entry(dataset_id, file)
+        key = f"{layout.dataset_prefix(dataset_id)}/{file}"
+        return read_verified(self._backend, key, entry, limit_bytes=limit_bytes)
+
+    def stream_file(self, dataset_id: str, file: str) -> tuple[FileEntry, Iterator[bytes]]:
+        """A file the record lists: what it is, and its pieces."""
+        entry = self._entry(dataset_id, file)
+        return entry, stream_verified(self._backend, f"{layout.dataset_prefix(dataset_id)}/{file}", entry)
+
+    def _entry(self, dataset_id: str, file: str) -> FileEntry:
         files = self._read(dataset_id).files
         if file not in files:
             known = ", ".join(sorted(files))
             raise NotFoundError(f"dataset {dataset_id} has no file {file[:100]!r}; it has {known}")
-        key = f"{layout.dataset_prefix(dataset_id)}/{file}"
-        return read_verified(self._backend, key, files[file], limit_bytes=limit_bytes)
+        return files[file]
 
     def _named(self, name: str) -> tuple[list[str], list[str]]:
         # one broken dataset must not hide the others
@@ -115,6 +148,8 @@ class Datasets:
         try:
             read_verified(self._backend, key, entry)
         except CorruptArtefactError as error:
+            if self._backend.create(key, data):
+                return  # it was there, and a deletion took it
             raise AlreadyExistsError(
                 f"{key} is left from an unfinished put and differs from what is offered now; "
                 "remove that object, then put the dataset again"

@@ -1,4 +1,10 @@
-"""Model versions: published once, whole, and never changed."""
+"""Model versions: published once, whole, and never changed.
+
+A version with a `once_key` is decided before it is published. Every publisher of the key writes its files under a
+number of its own, then offers its manifest as `once/<key>.json`. That record is created if absent, so exactly one offer
+ever stands; only it, byte for byte, is then copied to its place as the manifest, by whoever gets there. What lost, or
+was killed before its offer, stays behind as files without a manifest, which no reader sees.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +13,7 @@ from datetime import UTC, datetime
 
 from model_store import layout
 from model_store.backend import Backend
-from model_store.documents import read_document, render
+from model_store.documents import MAX_DOCUMENT_BYTES, parse_document, read_document, render
 from model_store.errors import (
     ConflictError,
     CorruptArtefactError,
@@ -77,19 +83,59 @@ class Versions:
             self._read(name, version, file, entry, MAX_FILE_BYTES)
         return manifest
 
-    def publish(self, name: str, files: Mapping[str, bytes], draft: ManifestDraft) -> Manifest:
+    def publish(
+        self, name: str, files: Mapping[str, bytes], draft: ManifestDraft, once_key: str | None = None
+    ) -> Manifest:
         """Write the files, then the manifest, under the first number nobody has used."""
         entries = self._check(name, files, draft)
+        once = None if once_key is None else layout.once_record(name, once_key)
+        if once is not None and self._backend.exists(once):
+            return self._publish_decided(name, once)
         first = self._highest_used(name) + 1
         for number in range(first, min(first + PUBLISH_ATTEMPTS, layout.MAX_VERSION + 1)):
             if self._write_files(name, number, files):
                 manifest = _complete(name, number, entries, draft)
-                if self._backend.create_or_confirm(_manifest_key(name, number), render(manifest)):
+                data = render(manifest)
+                if once is not None and not self._backend.create_or_confirm(once, data):
+                    return self._publish_decided(name, once)
+                if self._backend.create_or_confirm(_manifest_key(name, number), data):
                     return manifest
         raise ConflictError(
             f"no free version number for {name!r} in {PUBLISH_ATTEMPTS} attempts from {first}: "
             "too many publishers at once; publish again"
         )
+
+    def published_once(self, name: str, once_key: str) -> Manifest | None:
+        """The version published under a key."""
+        decided = read_document(self._backend, layout.once_record(name, once_key), Manifest)
+        if decided is None or not self.exists(name, decided.version):
+            return None
+        return self._as_decided(name, decided, layout.once_record(name, once_key))
+
+    def _publish_decided(self, name: str, once: str) -> Manifest:
+        """Put the manifest that `once` holds into its place, unless it is there already."""
+        data = self._backend.read(once, limit_bytes=MAX_DOCUMENT_BYTES)
+        if data is None:
+            raise CorruptArtefactError(f"{once} was there a moment ago and is gone: somebody removes it; publish again")
+        decided = parse_document(data, once, Manifest)
+        if not self.exists(name, decided.version):
+            prefix = layout.version_prefix(name, decided.version)
+            gone = [file for file in decided.files if not self._backend.exists(f"{prefix}/{file}")]
+            if gone:
+                raise CorruptArtefactError(
+                    f"{once} stands for {name}@{decided.version}, whose {gone[0]} is gone: it was removed by hand; "
+                    "restore it, or publish under another key"
+                )
+            self._backend.create(_manifest_key(name, decided.version), data)
+        return self._as_decided(name, decided, once)
+
+    def _as_decided(self, name: str, decided: Manifest, once: str) -> Manifest:
+        published = self.manifest(name, decided.version)
+        if published != decided:
+            raise CorruptArtefactError(
+                f"{once} and the manifest of {name}@{decided.version} differ: one was altered by hand; restore it"
+            )
+        return published
 
     def _check(self, name: str, files: Mapping[str, bytes], draft: ManifestDraft) -> dict[str, FileEntry]:
         for file in files:
