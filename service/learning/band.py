@@ -23,10 +23,11 @@ import numpy.typing as npt
 import safetensors.numpy
 
 from service.errors import CheckpointError, InvalidValueError
+from service.learning.curves import interpolate_curves
 from service.learning.domain import Domain
 from service.learning.error_scale import ErrorScale
 from service.learning.held_out import HeldOutErrors
-from service.learning.neighbourhood import Neighbourhood
+from service.learning.neighbourhood import Neighbourhood, chunks
 from service.learning.observed import ObservedRun
 from service.physics.scenario import Array, Positions, Scenarios
 
@@ -81,24 +82,28 @@ class Band:
     def half_widths(self, scenarios: Scenarios, time_s: Array, level: float, reach_m: Array) -> tuple[Array, Array]:
         """Half-widths (m) in x and y, each of shape (scenario, time); zero or more, never shrinking with time or level.
 
-        `reach_m` (scenario,) is the x that the model predicts for `reach_time_s`. Raises InvalidValueError for a level
-        that is not 0.5 to 0.99.
+        `time_s` is of shape (time,) or (scenario, time), `reach_m` (scenario,) is the x that the model predicts for
+        `reach_time_s`. Raises InvalidValueError for a level that is not 0.5 to 0.99.
         """
         if not LOWEST_LEVEL <= level <= HIGHEST_LEVEL:
             raise InvalidValueError("band_level", level, f"{LOWEST_LEVEL:g} to {HIGHEST_LEVEL:g}")
         places = _places(self.neighbourhood, scenarios, reach_m, self.reach_spread)
-        x, y = (
-            np.interp(level, LEVELS, multipliers) * curves
-            for multipliers, curves in zip(self.multipliers, self.scale.at(places), strict=True)
-        )
-        return self._at_times(x, time_s), self._at_times(y, time_s)
+        factors = [np.interp(level, LEVELS, multipliers) for multipliers in self.multipliers]
+        halves = np.empty((2, len(places), time_s.shape[-1]))
+        for rows in chunks(len(places), len(self.scale.places) + len(self.time_s)):
+            times = time_s if time_s.ndim == 1 else time_s[rows]
+            for half, factor, curves in zip(halves, factors, self.scale.at(places[rows]), strict=True):
+                half[rows] = self._at_times(factor * curves, times)
+        return halves[0], halves[1]
 
     def _at_times(self, curves: Array, time_s: Array) -> Array:
         """Curves (scenario, grid) at other times, going on linearly beyond the grid."""
         horizon = self.time_s[-1]
-        inside = np.stack([np.interp(time_s, self.time_s, curve) for curve in curves])
+        inside = interpolate_curves(time_s, self.time_s, curves)
+        if not (time_s > horizon).any():
+            return inside
         last_part = np.array([1.0 - _LAST_PART, 1.0]) * horizon
-        before, last = np.stack([np.interp(last_part, self.time_s, curve) for curve in curves], axis=1)
+        before, last = interpolate_curves(last_part, self.time_s, curves).T
         rate = np.maximum(last / horizon, (last - before) / (_LAST_PART * horizon))[:, None]
         return np.asarray(inside + rate * np.maximum(time_s - horizon, 0.0))
 

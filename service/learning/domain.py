@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from service.learning.neighbourhood import NearestRun, Neighbourhood
 from service.learning.observed import ObservedRun, scenarios_of
 from service.physics.parameters import RegolithParameters, RoverParameters
-from service.physics.scenario import Scenarios
+from service.physics.scenario import Array, Scenarios
 from service.physics.similarity import torque_ratio
 
 # Judged in this order. torque_ratio is torque/(mass g wheel radius): a mass inside and a torque inside can still be
@@ -64,6 +65,55 @@ class DomainVerdict:
     nearest_runs: tuple[NearestRun, ...] = ()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class DomainVerdicts:
+    """The verdicts on many scenarios; `verdicts[row]` is one of them in full.
+
+    `inside` has shape (scenario,), `within` and `values` (scenario, field) say the same and what was judged for each of
+    `FIELDS`, `nearest` has the indices of the nearest runs and their distances, (scenario, up to 3), if runs are known.
+    """
+
+    domain: Domain
+    inside: npt.NDArray[np.bool_]
+    within: npt.NDArray[np.bool_]
+    values: Array
+    nearest: tuple[npt.NDArray[np.intp], Array] | None
+
+    def __len__(self) -> int:
+        return len(self.inside)
+
+    def outside_of(self) -> list[list[str]]:
+        """Of each scenario the fields that are outside, as the `reasons` of its verdict name them."""
+        known = self.domain.neighbourhood
+        fits = self.within
+        if self.nearest is not None and known is not None:
+            fits = np.column_stack([fits, self.nearest[1][:, 0] <= known.limit])
+        found: list[list[str]] = [[] for _ in range(len(self))]
+        for row, field in np.argwhere(~fits).tolist():
+            found[row].append((*FIELDS, JOINT)[field])
+        return found
+
+    def only(self, rows: npt.NDArray[np.intp]) -> DomainVerdicts:
+        """Those on some of the scenarios."""
+        nearest = None if self.nearest is None else (self.nearest[0][rows], self.nearest[1][rows])
+        return DomainVerdicts(self.domain, self.inside[rows], self.within[rows], self.values[rows], nearest)
+
+    def __getitem__(self, row: int) -> DomainVerdict:
+        inside, values, within = bool(self.inside[row]), self.values[row].tolist(), self.within[row].tolist()
+        reasons = tuple(
+            DomainReason(field, value, *self.domain.spans[field])
+            for field, value, fits in zip(FIELDS, values, within, strict=True)
+            if not fits
+        )
+        known = self.domain.neighbourhood
+        if self.nearest is None or known is None:
+            return DomainVerdict(inside, reasons)
+        runs = known.nearest_runs(*(each[row] for each in self.nearest))
+        if runs[0].distance > known.limit:
+            reasons += (DomainReason(JOINT, runs[0].distance, 0.0, known.limit),)
+        return DomainVerdict(inside, reasons, runs[0].distance, runs)
+
+
 @dataclass(frozen=True, slots=True)
 class Domain:
     """Lowest and highest value of each field in `FIELDS` among the training runs, and those runs.
@@ -109,21 +159,22 @@ class Domain:
 
     def judge(self, slope_deg: float, mass_kg: float, torque_nm: float, horizon_s: float) -> DomainVerdict:
         """The verdict on one scenario."""
-        scenario = Scenarios.of(slope_deg, mass_kg, torque_nm)
-        ratio = float(torque_ratio(self.rover, self.regolith, scenario)[0])
-        values = dict(zip(FIELDS, (slope_deg, mass_kg, torque_nm, ratio, horizon_s), strict=True))
-        reasons = tuple(
-            DomainReason(field, value, *self.spans[field])
-            for field, value in values.items()
-            if not self.spans[field][0] <= value <= self.spans[field][1]
-        )
+        columns = (np.array([value], dtype=np.float64) for value in (slope_deg, mass_kg, torque_nm, horizon_s))
+        return self.judge_many(*columns)[0]
+
+    def judge_many(self, slope_deg: Array, mass_kg: Array, torque_nm: Array, horizon_s: Array) -> DomainVerdicts:
+        """The verdicts on many, whose columns have shape (scenario,)."""
+        scenarios = Scenarios(np.radians(slope_deg), mass_kg, torque_nm)
+        ratio = torque_ratio(self.rover, self.regolith, scenarios)
+        values = np.column_stack([slope_deg, mass_kg, torque_nm, ratio, horizon_s])
+        lowest, highest = np.array([self.spans[field] for field in FIELDS]).T
+        within = (lowest <= values) & (values <= highest)
+        inside = within.all(axis=1)
         if self.neighbourhood is None:
-            return DomainVerdict(not reasons, reasons)
-        nearest = self.neighbourhood.nearest(scenario)
-        distance, limit = nearest[0].distance, self.neighbourhood.limit
-        if distance > limit:
-            reasons += (DomainReason(JOINT, distance, 0.0, limit),)
-        return DomainVerdict(not reasons, reasons, distance, nearest)
+            return DomainVerdicts(self, inside, within, values, None)
+        order, distances = self.neighbourhood.nearest_many(scenarios)
+        inside &= ~(distances[:, 0] > self.neighbourhood.limit)
+        return DomainVerdicts(self, inside, within, values, (order, distances))
 
     def describe(self) -> dict[str, Any]:
         """Ranges and runs as JSON values."""

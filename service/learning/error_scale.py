@@ -11,7 +11,7 @@ A geometric mean, since errors span millimetres to metres and an arithmetic one 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -39,6 +39,13 @@ class ErrorScale:
     places: Array
     envelope_m: Array
     spacing: float
+    _log_envelope: Array = field(init=False, repr=False)
+    _floor_m: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        floor = _FLOOR_SHARE * np.median(self.envelope_m, axis=1, keepdims=True) + _RESOLUTION_M
+        object.__setattr__(self, "_log_envelope", np.log(self.envelope_m + _ALMOST_NOTHING_M))
+        object.__setattr__(self, "_floor_m", floor)
 
     @classmethod
     def of(cls, places: Array, envelope_m: Array) -> ErrorScale:
@@ -64,7 +71,6 @@ class ErrorScale:
         nearest = squared.min(axis=1, keepdims=True)
         weights = np.exp((nearest - squared) / (2.0 * (_BANDWIDTH * self.spacing) ** 2))
         weights /= weights.sum(axis=1, keepdims=True)
-        around = np.exp(weights @ np.log(self.envelope_m + _ALMOST_NOTHING_M)) - _ALMOST_NOTHING_M
-        floor = _FLOOR_SHARE * np.median(self.envelope_m, axis=1, keepdims=True) + _RESOLUTION_M
+        around = np.exp(weights @ self._log_envelope) - _ALMOST_NOTHING_M
         # rounding may give a geometric mean of zeros that is just below zero
-        return np.asarray((floor + np.maximum(around, 0.0)) * (1.0 + _GROWTH * nearest / self.spacing**2))
+        return np.asarray((self._floor_m + np.maximum(around, 0.0)) * (1.0 + _GROWTH * nearest / self.spacing**2))

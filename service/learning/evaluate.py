@@ -8,8 +8,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from service.learning.model import TrajectoryModel
 from service.learning.observed import ObservedRun
+from service.learning.trajectory_model import TrajectoryModel
 from service.physics.prior import Prior
 from service.physics.scenario import Positions
 

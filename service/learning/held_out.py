@@ -1,8 +1,8 @@
-"""What left-out predictions got wrong, as curves over time: the raw material of the band."""
+"""Left-out predictions: one slope without its series' run there, and errors over time, the raw material of the band."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -12,6 +12,26 @@ from service.learning.observed import ObservedRun, scenarios_of
 from service.physics.scenario import Array, Positions, Scenarios
 
 CURVE_POINTS = 81  # an eighth of a second for runs of 10 s: errors grow smoothly, and linearly between two points
+
+# From runs to what is predicted of each, by name, when only the others of them are known.
+LeaveOneOut = Callable[[Sequence[ObservedRun]], Mapping[str, Positions]]
+
+
+def left_out_slopes(runs: Sequence[ObservedRun], leave_one_out: LeaveOneOut, fewest: int = 5) -> dict[str, Positions]:
+    """By run name what the other slopes of its own series, and nothing else, say of a run.
+
+    A series is the runs of one set with one mass and one torque, at `fewest` different slopes at least; of several
+    runs at one slope the first counts alone, so that none is predicted from its twin. Runs of no series are left out.
+    """
+    series: dict[tuple[str, float, float], dict[float, ObservedRun]] = {}
+    for run in runs:
+        slopes = series.setdefault((run.set_name, run.mass_kg, run.torque_nm), {})
+        slopes.setdefault(run.slope_deg, run)
+    predicted: dict[str, Positions] = {}
+    for slopes in series.values():
+        if len(slopes) >= fewest:
+            predicted |= leave_one_out(list(slopes.values()))
+    return predicted
 
 
 @dataclass(frozen=True, slots=True, eq=False)

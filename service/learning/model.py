@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import torch
@@ -15,23 +14,6 @@ from service.physics.scenario import Array, Positions, Scenarios
 
 # Rows that go through the network together, so that the activations of its widest layer stay in cache.
 _ROWS_AT_ONCE = 1024
-
-
-class TrajectoryModel(Protocol):
-    """What a twin needs of a model: trajectories of scenarios, and the prior that they are compared with."""
-
-    @property
-    def prior(self) -> Prior:
-        """The physics that the model starts from; it holds rover and regolith."""
-        ...
-
-    def positions(self, scenarios: Scenarios, time_s: Array) -> Positions:
-        """Positions (m) at `time_s` of shape (time,); the answer has shape (scenario, time)."""
-        ...
-
-    def corrected(self, prior: Positions, scenarios: Scenarios, time_s: Array) -> Positions:
-        """The same for callers who have the prior's positions at those scenarios and times already."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +36,7 @@ class PhysicsInformedModel:
         self.residual.eval()
 
     def positions(self, scenarios: Scenarios, time_s: Array) -> Positions:
-        """Corrected positions (m) at `time_s` of shape (time,); the answer has shape (scenario, time)."""
+        """Corrected positions (m), shape (scenario, time), at `time_s` of shape (time,) or (scenario, time)."""
         prior = self.prior.positions(scenarios, time_s)
         return self.corrected(prior, scenarios, time_s)
 
@@ -67,11 +49,13 @@ class PhysicsInformedModel:
         """What the residual adds (m), shape (scenario, time)."""
         columns = torch.from_numpy(self.signature.scenario_columns(scenarios))
         times = torch.from_numpy(self.signature.time_column(time_s))
-        answer = np.empty((len(scenarios), len(time_s), 2))
+        count = times.shape[-1]
+        answer = np.empty((len(scenarios) * count, 2))
         with torch.inference_mode():
-            for first in range(0, len(times), _ROWS_AT_ONCE):
-                chunk = times[first : first + _ROWS_AT_ONCE]
-                for row, column in enumerate(columns):
-                    inputs = torch.cat([chunk[:, None], column.expand(len(chunk), -1)], dim=1)
-                    answer[row, first : first + len(chunk)] = self.residual(inputs).numpy()
-        return Positions(answer[..., 0], answer[..., 1])
+            for first in range(0, len(answer), _ROWS_AT_ONCE):
+                at = torch.arange(first, min(first + _ROWS_AT_ONCE, len(answer)))
+                scenario = at // count
+                time = times[at % count] if times.ndim == 1 else times[scenario, at % count]
+                answer[at.numpy()] = self.residual(torch.cat([time[:, None], columns[scenario]], dim=1)).numpy()
+        corrections = answer.reshape(len(scenarios), count, 2)
+        return Positions(corrections[..., 0], corrections[..., 1])

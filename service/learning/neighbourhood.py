@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from service.learning.observed import ObservedRun
 from service.physics.parameters import RegolithParameters, RoverParameters
@@ -25,6 +26,7 @@ _LIMIT_QUANTILE = 0.99
 _SMALLEST_LIMIT = 1e-6  # degrees made radians and back must not put a lone run outside itself
 NEAREST = 3
 _MAX_RUNS = 100_000
+_CELLS_AT_ONCE = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,9 +106,34 @@ class Neighbourhood:
 
     def nearest(self, scenario: Scenarios, count: int = NEAREST) -> tuple[NearestRun, ...]:
         """The runs nearest to one scenario, nearest first."""
-        distances = self.distances(scenario)[0]
-        order = np.argsort(distances, kind="stable")[:count]
-        return tuple(NearestRun(**asdict(self.runs[at]), distance=float(distances[at])) for at in order)
+        return self.nearest_runs(*(each[0] for each in self.nearest_many(scenario, count)))
+
+    def nearest_many(self, scenarios: Scenarios, count: int = NEAREST) -> tuple[npt.NDArray[np.intp], Array]:
+        """Which runs are nearest to each scenario, and their distances: both (scenario, up to `count`), nearest first.
+
+        The distances of a chunk of scenarios to all runs are in memory at once.
+        """
+        places = self.coordinates(scenarios)
+        kept = min(count, len(self.runs))
+        order, found = np.empty((len(places), kept), dtype=np.intp), np.empty((len(places), kept))
+        for rows in chunks(len(places), len(self.runs)):
+            distances = np.zeros((len(places[rows]), len(self.runs)))
+            for mine, theirs in zip(places[rows].T, self.places.T, strict=True):
+                distances += np.square(mine[:, None] - theirs)
+            np.sqrt(distances, out=distances)
+            every = np.arange(len(distances))
+            for at in range(kept):  # the first of equals each time: as a stable sort would have it
+                order[rows, at] = nearest = distances.argmin(axis=1)
+                found[rows, at] = distances[every, nearest]
+                distances[every, nearest] = np.inf
+        return order, found
+
+    def nearest_runs(self, order: npt.NDArray[np.intp], distances: Array) -> tuple[NearestRun, ...]:
+        """One scenario's row of `nearest_many` as runs."""
+        return tuple(
+            NearestRun(**_values(self.runs[at]), distance=distance)
+            for at, distance in zip(order.tolist(), distances.tolist(), strict=True)
+        )
 
     def describe(self) -> dict[str, Any]:
         """As JSON values."""
@@ -124,6 +151,12 @@ class Neighbourhood:
         return cls(runs, scales, float(description["joint_limit"]), rover, regolith)
 
 
+def chunks(rows: int, columns: int) -> Iterator[slice]:
+    """Rows in chunks, such that a table of `columns` columns stays at some eight megabytes of float64."""
+    size = max(1, _CELLS_AT_ONCE // max(columns, 1))
+    return (slice(first, first + size) for first in range(0, rows, size))
+
+
 def nearest_other(places: Array) -> Array:
     """Distance of each place to the nearest other one, shape (place,); empty for a single place."""
     if len(places) < 2:
@@ -131,6 +164,11 @@ def nearest_other(places: Array) -> Array:
     distances = np.linalg.norm(places[:, None] - places, axis=2)
     np.fill_diagonal(distances, np.inf)
     return np.asarray(distances.min(axis=1), dtype=np.float64)
+
+
+def _values(run: TrainingRun) -> dict[str, Any]:
+    """The run's fields, as `asdict` gives them, which copies deeply and takes ten times as long."""
+    return {each.name: getattr(run, each.name) for each in fields(TrainingRun)}
 
 
 def _raw(rover: RoverParameters, regolith: RegolithParameters, scenarios: Scenarios) -> Array:

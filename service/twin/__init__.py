@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from service.twin.batch import PredictionBatch, sample_grid
+from service.twin.counted import CountedTwin
 from service.twin.prediction import Frame, NonFiniteError, Prediction, PredictionBand
 from service.twin.registry import Loaded, RegistryStatus, TwinRegistry
 from service.twin.scenario import Scenario, sample_times
-from service.twin.summary import Outcome, Summary
+from service.twin.summary import Outcome, Summaries, Summary
 from service.twin.twin import Twin
 
 __all__ = [
+    "CountedTwin",
     "Frame",
     "Loaded",
     "NonFiniteError",
     "Outcome",
     "Prediction",
     "PredictionBand",
+    "PredictionBatch",
     "RegistryStatus",
     "Scenario",
+    "Summaries",
     "Summary",
     "Twin",
     "TwinRegistry",
+    "sample_grid",
     "sample_times",
 ]

@@ -17,18 +17,18 @@ import numpy.typing as npt
 
 from service.errors import InvalidValueError
 from service.physics.scenario import Array, Scenarios
-from service.physics.wheel_speed import slip_ratio, wheel_speed_rad_s
 from service.twin.prediction import NonFiniteError
 from service.twin.scenario import Scenario
-from service.twin.summary import LAST_PART, Outcome, outcome_of
+from service.twin.summary import LAST_PART, Outcome, outcomes_of
 from service.twin.twin import Twin
 
 Cell = TypeVar("Cell")
 Flags = npt.NDArray[np.bool_]
 
 MOST_VALUES = 64  # of slopes and of torques
-# Cells times horizon: on one core the shipped champion takes about three seconds for so much, and a worker with it.
-MOST_CELL_SECONDS = 12_000.0
+# Cells times horizon. On one core of the shipped champion 64 x 64 cells over 10 s take 0.7 s, and the most there can be
+# (two slopes over minutes, where nearly all is the search for the steepest one) some 4 s, and a worker with it.
+MOST_CELL_SECONDS = 50_000.0
 CONFIDENCE = (0.75, 0.995)  # one-sided; bands are calibrated at two-sided levels of 0.5 to 0.99
 STEEPEST_STEP_DEG = 0.01
 
@@ -87,9 +87,9 @@ def mobility_map(
         confidence=None if twin.band is None else confidence,
         slope_deg=slopes,
         torque_nm=torques,
-        outcome=_rows([ground.outcome(float(last)) for last in motion.last_part_m], shape),
+        outcome=_rows(ground.outcomes(motion.last_part_m), shape),
         mean_speed_m_s=speed.reshape(shape),
-        slip_ratio=_rows(_slip_ratios(twin, cells, speed), shape),
+        slip_ratio=_rows(twin.slip_ratios(cells, speed), shape),
         inside_domain=_inside(twin, mass_kg, torques, slopes, horizon_s),
         steepest_climb_slope_deg=_steepest(ground, torques, slopes, ground.climbed(cells, motion).reshape(shape)),
     )
@@ -128,8 +128,8 @@ class _Ground:
             raise NonFiniteError(f"{name} has no finite answer for a mass_kg of {self.mass_kg:g} somewhere on this map")
         return motion
 
-    def outcome(self, last_part_m: float) -> Outcome:
-        return outcome_of(last_part_m / (LAST_PART * self.horizon_s))
+    def outcomes(self, last_part_m: Array) -> tuple[Outcome, ...]:
+        return outcomes_of(last_part_m / (LAST_PART * self.horizon_s))
 
     def climbed(self, scenarios: Scenarios, motion: _Motion) -> Flags:
         """Whether the rover climbs with the asked confidence, shape (scenario,)."""
@@ -138,7 +138,7 @@ class _Ground:
             level = 2.0 * self.confidence - 1.0
             half_m, _ = self.twin.band.half_widths(scenarios, np.array([self.horizon_s]), level, motion.reach_m)
             lower_m = lower_m - half_m[:, 0]
-        return np.array([self.outcome(float(last)) is Outcome.CLIMBS for last in lower_m])
+        return np.array([outcome is Outcome.CLIMBS for outcome in self.outcomes(lower_m)])
 
 
 def _steepest(ground: _Ground, torques: Array, slopes: Array, climbed: Flags) -> tuple[float | None, ...]:
@@ -156,20 +156,16 @@ def _steepest(ground: _Ground, torques: Array, slopes: Array, climbed: Flags) ->
     return tuple(float(slope) if count else None for slope, count in zip(low, leading, strict=True))
 
 
-def _slip_ratios(twin: Twin, cells: Scenarios, speed_m_s: Array) -> list[float | None]:
-    """Of each cell, given their mean speeds, both of shape (scenario,)."""
-    if twin.wheel_motion_resistance is None:
-        return [None] * len(cells)
-    rover, regolith = twin.model.prior.rover, twin.model.prior.regolith
-    wheels = wheel_speed_rad_s(rover, regolith, twin.wheel_motion_resistance, cells)
-    return [slip_ratio(rover, float(speed), float(wheel)) for speed, wheel in zip(speed_m_s, wheels, strict=True)]
-
-
 def _inside(twin: Twin, mass_kg: float, torques: Array, slopes: Array, horizon_s: float) -> Flags:
-    judge = twin.domain.judge
-    return np.array(
-        [[judge(slope, mass_kg, torque, horizon_s).inside for slope in slopes.tolist()] for torque in torques.tolist()]
+    shape = len(torques), len(slopes)
+    count = len(torques) * len(slopes)
+    verdicts = twin.domain.judge_many(
+        np.tile(slopes, len(torques)),
+        np.full(count, mass_kg),
+        np.repeat(torques, len(slopes)),
+        np.full(count, horizon_s),
     )
+    return verdicts.inside.reshape(shape)
 
 
 def _rows(cells: Sequence[Cell], shape: tuple[int, int]) -> tuple[tuple[Cell, ...], ...]:

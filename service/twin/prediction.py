@@ -26,7 +26,10 @@ class NonFiniteError(RoverTwinError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictionBand:
-    """Where the truth lies with probability `level` at each time, pointwise; slope frame, shape (time,), m."""
+    """Where the truth lies with probability `level` at each time, pointwise; slope frame, m.
+
+    Bounds have shape (time,), in a batch (scenario, time).
+    """
 
     level: float
     x_lower_m: Array

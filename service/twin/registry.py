@@ -10,11 +10,14 @@ from __future__ import annotations
 import logging
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 from model_store import ModelStore, Resolved, StoreError, parse_reference
 from service.errors import RoverTwinError
 from service.twin.load import load_twin
+from service.twin.probe import probe
 from service.twin.twin import Twin
 
 _log = logging.getLogger(__name__)
@@ -41,14 +44,25 @@ class RegistryStatus:
 class TwinRegistry:
     """Twins by reference, at most `capacity` of them resident; thread-safe.
 
-    `refresh_s` is how often followed aliases are looked up in the store.
+    `refresh_s` is how often followed aliases are looked up in the store. A twin predicts once before it is handed out,
+    so that no request waits for what only a first prediction needs; before that, `prepare` may put another in its
+    place.
     """
 
-    def __init__(self, store: ModelStore, default_reference: str, *, capacity: int = 4, refresh_s: float = 0.5) -> None:
+    def __init__(
+        self,
+        store: ModelStore,
+        default_reference: str,
+        *,
+        capacity: int = 4,
+        refresh_s: float = 0.5,
+        prepare: Callable[[Twin], Twin] = lambda twin: twin,
+    ) -> None:
         self._store = store
         self._default = _canonical(default_reference)
         self._capacity = max(1, capacity)
         self._refresh_s = refresh_s
+        self._prepare = prepare
         self._lock = threading.Lock()
         self._loading = threading.Lock()  # one load at a time: a load takes memory and cores
         self._twins: OrderedDict[tuple[str, int], Twin] = OrderedDict()  # least recently used first
@@ -74,14 +88,39 @@ class TwinRegistry:
         A resident twin costs a look-up in memory; everything else reads the store. Raises what the store raises,
         and CheckpointError.
         """
+        if loaded := self.resident(reference):
+            return loaded
+        key = _canonical(reference) if reference else self._default
+        with self._lock:
+            resolved = self._followed.get(key)
+        if resolved is None:
+            resolved = self._bring_up_to_date(key)
+        return Loaded(self._twin(resolved), resolved.alias)
+
+    def resident(self, reference: str | None = None) -> Loaded | None:
+        """What `get` returns when that is in memory, else None. Never waits for the store: fit for an event loop.
+
+        Raises InvalidReferenceError.
+        """
         key = _canonical(reference) if reference else self._default
         with self._lock:
             resolved = self._followed.get(key)
             if resolved:
                 self._followed.move_to_end(key)
-        if resolved is None:
-            resolved = self._bring_up_to_date(key)
-        return Loaded(self._twin(resolved), resolved.alias)
+            else:
+                resolved = _numbered(key)
+            twin = self._touched((resolved.name, resolved.version)) if resolved else None
+        return Loaded(twin, resolved.alias) if twin and resolved else None
+
+    def unload(self, name: str) -> None:
+        """Drop the versions of a model from memory, but for the default one; what runs on them finishes."""
+        with self._loading, self._lock:
+            default = self._followed.get(self._default) or _numbered(self._default)
+            for key in [key for key in self._followed if key != self._default and parse_reference(key).name == name]:
+                del self._followed[key]
+            for place in [place for place in self._twins if place[0] == name]:
+                if default is None or place != (default.name, default.version):
+                    del self._twins[place]
 
     def status(self) -> RegistryStatus:
         """What is resident and what fails."""
@@ -99,7 +138,7 @@ class TwinRegistry:
     def _refresh(self, key: str) -> None:
         """Bring one reference up to date; a failure is kept and logged once, not raised: the old twin serves on."""
         try:
-            self._bring_up_to_date(key)
+            self._bring_up_to_date(key, followed=key != self._default)
         except (StoreError, RoverTwinError) as error:
             self._note_failure(key, str(error))
         except Exception as error:  # the follower must outlive whatever a broken store does
@@ -116,11 +155,12 @@ class TwinRegistry:
         if known != reason:
             _log.warning("cannot load %s: %s", key, reason)
 
-    def _bring_up_to_date(self, key: str) -> Resolved:
-        """Look up what the reference means now; a new version is loaded before it takes its place."""
-        asked = parse_reference(key)
-        if asked.version is not None:  # a number always means the same: nothing to follow
-            resolved = Resolved(asked.name, asked.version, None)
+    def _bring_up_to_date(self, key: str, *, followed: bool = False) -> Resolved:
+        """Look up what the reference means now; a new version is loaded before it takes its place.
+
+        One that is said to be `followed` and is no longer, since its model was unloaded, stays so.
+        """
+        if resolved := _numbered(key):  # a number always means the same: nothing to follow
             self._twin(resolved)
             return resolved
         resolved = self._store.resolve(key)
@@ -128,8 +168,12 @@ class TwinRegistry:
             known = self._followed.get(key)
         if known == resolved:
             return known
+        if followed and known is None:
+            return resolved
         self._twin(resolved)
         with self._lock:
+            if followed and key not in self._followed:
+                return resolved
             self._followed[key] = resolved
             if len(self._followed) > _MAX_FOLLOWED:
                 del self._followed[next(each for each in self._followed if each != self._default)]
@@ -142,7 +186,10 @@ class TwinRegistry:
         twin = self._resident(place)
         if twin is None:
             with self._loading:
-                twin = self._resident(place) or load_twin(self._store, *place)
+                twin = self._resident(place)
+                if twin is None:
+                    twin = self._prepare(load_twin(self._store, *place))
+                    _warm_up(twin)
                 with self._lock:
                     self._twins[place] = twin
                     self._drop_least_used(keep=place)
@@ -150,9 +197,13 @@ class TwinRegistry:
 
     def _resident(self, place: tuple[str, int]) -> Twin | None:
         with self._lock:
-            if place in self._twins:
-                self._twins.move_to_end(place)
-            return self._twins.get(place)
+            return self._touched(place)
+
+    def _touched(self, place: tuple[str, int]) -> Twin | None:
+        """The twin as the most recently used one. Needs the lock."""
+        if place in self._twins:
+            self._twins.move_to_end(place)
+        return self._twins.get(place)
 
     def _drop_least_used(self, keep: tuple[str, int]) -> None:
         """Drop twins over the capacity, never the default model's nor the one just loaded."""
@@ -164,6 +215,21 @@ class TwinRegistry:
             del self._twins[place]
 
 
+def _warm_up(twin: Twin) -> None:
+    try:
+        probe(twin)
+    except RoverTwinError as error:  # it may answer others; readiness, too, predicts and says what is wrong
+        _log.warning("%s@%d does not answer its first question: %s", twin.name, twin.version, error)
+
+
+@lru_cache(maxsize=1024)
+def _numbered(key: str) -> Resolved | None:
+    """What a reference with a number means; None for one with an alias."""
+    asked = parse_reference(key)
+    return None if asked.version is None else Resolved(asked.name, asked.version, None)
+
+
+@lru_cache(maxsize=1024)
 def _canonical(reference: str) -> str:
     """The reference with its default alias spelt out. Raises InvalidReferenceError."""
     asked = parse_reference(reference)

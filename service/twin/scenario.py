@@ -12,6 +12,7 @@ from service.physics.scenario import Array, Scenarios
 
 _SHORTEST_S = 1e-6  # a mean speed needs a time that can be divided by; nothing moves in a microsecond
 _SAME_TIME = 1e-9  # of a step: a horizon this close to a multiple of dt_s is that multiple
+_DECIMALS = 10  # a step that people write has no more; 600 s with that many are still exact in float64
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +50,8 @@ def sample_count(horizon_s: float, dt_s: float) -> int:
 def sample_times(horizon_s: float, dt_s: float) -> Array:
     """0, dt, 2 dt, ... and always the horizon itself as the last time; shape (time,), s.
 
+    Multiples of a decimal step are the decimals themselves: 0.15, not the 0.15000000000000002 that 3 x 0.05 gives.
+
     Raises InvalidValueError unless both are positive and finite.
     """
     for field, value in (("horizon_s", horizon_s), ("dt_s", dt_s)):
@@ -56,6 +59,8 @@ def sample_times(horizon_s: float, dt_s: float) -> Array:
             raise InvalidValueError(field, value, "positive and finite")
     steps = math.floor(horizon_s / dt_s + _SAME_TIME)
     times = np.arange(steps + 1, dtype=np.float64) * dt_s
+    if round(dt_s, _DECIMALS) == dt_s:
+        np.round(times, _DECIMALS, out=times)
     if _ends_on_step(horizon_s, dt_s):
         times[-1] = horizon_s
         return times

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from service.physics.scenario import Array
+
 
 class Outcome(StrEnum):
     """How a scenario ends, judged by the mean speed over the last quarter of the horizon."""
@@ -22,7 +24,7 @@ LAST_PART = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """The trajectory in six numbers, slope frame. `distance_m` is the path length over the samples.
+    """The trajectory in six numbers, slope frame. `distance_m` is the path length over the start and the samples.
 
     `slip_ratio` is 1 - v/(R_w w) of the mean speed, w from the motors' balance; None where the wheels stand still
     or the version does not know how its wheels turn.
@@ -36,8 +38,35 @@ class Summary:
     slip_ratio: float | None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Summaries:
+    """The `Summary` of many trajectories in columns, arrays of shape (scenario,)."""
+
+    outcome: tuple[Outcome, ...]
+    final_x_m: Array
+    final_y_m: Array
+    distance_m: Array
+    mean_speed_m_s: Array
+    slip_ratio: tuple[float | None, ...]
+
+    def __getitem__(self, row: int) -> Summary:
+        return Summary(
+            outcome=self.outcome[row],
+            final_x_m=float(self.final_x_m[row]),
+            final_y_m=float(self.final_y_m[row]),
+            distance_m=float(self.distance_m[row]),
+            mean_speed_m_s=float(self.mean_speed_m_s[row]),
+            slip_ratio=self.slip_ratio[row],
+        )
+
+
 def outcome_of(speed_m_s: float) -> Outcome:
     """The outcome for a mean speed over the last quarter of the horizon."""
     if speed_m_s > OUTCOME_SPEED_M_S:
         return Outcome.CLIMBS
     return Outcome.SLIDES if speed_m_s < -OUTCOME_SPEED_M_S else Outcome.STALLS
+
+
+def outcomes_of(speeds_m_s: Array) -> tuple[Outcome, ...]:
+    """The outcomes for mean speeds over the last quarter of the horizon, shape (scenario,)."""
+    return tuple(map(outcome_of, speeds_m_s.tolist()))

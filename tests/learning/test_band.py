@@ -270,3 +270,17 @@ def test_a_truncated_file_is_refused(length):
 def test_a_domain_that_does_not_know_its_runs_is_refused():
     with pytest.raises(CheckpointError, match="knows its training runs"):
         Band.restore(BAND.describe(), BAND.tensors(), replace(DOMAIN, neighbourhood=None))
+
+
+def test_half_widths_of_many_are_those_of_each_whatever_the_chunks(monkeypatch):
+    rng = np.random.default_rng(4)
+    columns = rng.uniform([0, 300, 30], [30, 900, 130], (40, 3))
+    every, reach = Scenarios.stack([Scenarios.of(*each) for each in columns]), rng.uniform(-1, 3, 40)
+    times = rng.uniform(0.1, 3 * HORIZON_S, (40, 1)) * np.linspace(0, 1, 20)
+    monkeypatch.setattr("service.learning.neighbourhood._CELLS_AT_ONCE", 500)
+    together = BAND.half_widths(every, times, 0.9, reach)
+    monkeypatch.undo()
+
+    for row, each in enumerate(columns):
+        alone = BAND.half_widths(Scenarios.of(*each), times[row], 0.9, reach[row : row + 1])
+        np.testing.assert_allclose([half[row] for half in together], [half[0] for half in alone], rtol=1e-9)

@@ -139,3 +139,30 @@ def test_a_domain_from_before_the_runs_were_kept_still_judges_input_by_input():
 def test_runs_that_do_not_fit_are_refused(change):
     with pytest.raises((KeyError, TypeError, ValueError)):
         Domain.restore(DOMAIN.describe() | change, VIPER, LUNAR_REGOLITH)
+
+
+@given(st.lists(st.tuples(st.floats(-45, 45), st.floats(50, 2000), st.floats(0, 300), st.floats(0, 9)), max_size=30))
+def test_many_verdicts_are_those_of_each(asked):
+    for domain in (
+        DOMAIN,
+        gap_domain(),
+        Domain.restore({f: DOMAIN.describe()[f] for f in FIELDS}, VIPER, LUNAR_REGOLITH),
+    ):
+        verdicts = domain.judge_many(*np.array(asked, dtype=np.float64).reshape(-1, 4).T)
+
+        assert len(verdicts) == len(asked)
+        for row, one in enumerate(asked):
+            alone = domain.judge(*one)
+            assert verdicts[row].inside == verdicts.inside[row] == alone.inside
+            assert [each.field for each in verdicts[row].reasons] == [each.field for each in alone.reasons]
+            assert [each.run for each in verdicts[row].nearest_runs] == [each.run for each in alone.nearest_runs]
+            assert verdicts[row].distance == pytest.approx(alone.distance)
+
+
+def test_chunks_do_not_show_in_verdicts(monkeypatch):
+    columns = np.random.default_rng(2).uniform([0, 300, 30, 1], [30, 900, 130, 5], (50, 4)).T
+    whole = DOMAIN.judge_many(*columns)
+    monkeypatch.setattr("service.learning.neighbourhood._CELLS_AT_ONCE", 40)
+    parts = DOMAIN.judge_many(*columns)
+
+    assert [parts[row] for row in range(50)] == [whole[row] for row in range(50)]

@@ -90,7 +90,7 @@ def test_a_version_without_a_band_says_so(store):
 
 def test_a_band_that_is_not_finite_is_never_answered(twin):
     with pytest.raises(NonFiniteError, match="unit@1 has no finite answer"):
-        twin.predict(Scenario(10, 430, 60, 1e200), np.array([0.0, 1e308]), band_level=0.99)
+        twin.predict(Scenario(10, 430, 60, 1e308), np.array([0.0, 1e308]), band_level=0.99)
 
 
 def _publish_damaged(store: ModelStore, *, content: bytes | None, **description: object) -> int:

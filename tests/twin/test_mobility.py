@@ -178,7 +178,7 @@ def test_infinity_is_never_an_answer(twin):
 def test_a_map_that_would_hold_a_worker_for_long_is_refused(twin):
     slopes, torques = np.linspace(0, 30, 64), np.linspace(30, 90, 64)
     with pytest.raises(
-        InvalidValueError, match=r"torques x slopes x horizon_s is 40960\.0, allowed is at most 12000 s"
+        InvalidValueError, match=r"torques x slopes x horizon_s is 53248\.0, allowed is at most 50000 s"
     ):
-        mobility_map(twin, 430.0, torques, slopes, 10.0, 0.9)
-    assert len(mobility_map(twin, 430.0, torques, slopes, 1.0, 0.9).outcome) == 64
+        mobility_map(twin, 430.0, torques, slopes, 13.0, 0.9)
+    assert len(mobility_map(twin, 430.0, torques, slopes, 10.0, 0.9).outcome) == 64

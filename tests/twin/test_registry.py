@@ -14,13 +14,14 @@ from model_store import (
     WEIGHTS,
     AliasNotFoundError,
     CorruptArtefactError,
+    InvalidReferenceError,
     ModelNotFoundError,
     ModelStore,
     VersionNotFoundError,
 )
 from service.errors import CheckpointError
 from service.learning.checkpoint import weights_bytes
-from service.twin import Scenario, TwinRegistry, sample_times
+from service.twin import CountedTwin, Scenario, Twin, TwinRegistry, sample_times
 from tests.twin.published import draft, network_model, publish, publish_champion, zero_model
 
 REFRESH_S = 0.05
@@ -188,3 +189,93 @@ def test_damaged_weights_are_refused(store):
     damage(store, publish(store, model=network_model()).version)
     with running(store) as registry, pytest.raises(CorruptArtefactError, match="truncated"):
         registry.get("unit@2")
+
+
+class Closed:
+    """A store that must not be asked."""
+
+    def __getattr__(self, name: str):
+        raise AssertionError(f"the store was asked for {name}")
+
+
+@pytest.mark.parametrize("reference", [None, "unit", "unit@champion", "unit@1"])
+def test_what_is_resident_is_found_without_the_store(store, reference):
+    publish_champion(store)
+    registry = TwinRegistry(store, "unit")
+    assert registry.resident(reference) is None
+    loaded = registry.get(reference)
+    registry._store = Closed()
+    assert registry.resident(reference) == registry.get(reference) == loaded
+
+
+def test_what_is_not_resident_is_not_looked_for(store):
+    publish_champion(store)
+    registry = TwinRegistry(store, "unit", capacity=1)
+    registry.get()
+    assert (registry.resident("unit@2"), registry.resident("nobody"), registry.resident("unit@nobody")) == (None,) * 3
+    with pytest.raises(InvalidReferenceError, match="a model"):
+        registry.resident("a model")
+
+
+def test_to_find_a_resident_twin_is_to_use_it(store):
+    publish_champion(store)
+    second, third = publish(store).version, publish(store).version
+    registry = TwinRegistry(store, "unit", capacity=2)
+    for version in (second, third):
+        registry.get(f"unit@{version}")
+    assert registry.resident(f"unit@{second}")
+    registry.get(f"unit@{publish(store).version}")
+    assert registry.resident(f"unit@{second}") is not None
+    assert registry.resident(f"unit@{third}") is None
+
+
+def test_a_twin_is_prepared_before_anybody_gets_it_and_its_warm_up_is_not_counted(store):
+    publish_champion(store)
+    asked, counted = [], []
+
+    def prepare(twin: Twin) -> Twin:
+        found = registry.resident()
+        asked.append(found)
+        return CountedTwin.of(twin, lambda batch, who, seconds: counted.append((len(batch), who.version, seconds)))
+
+    registry = TwinRegistry(store, "unit", prepare=prepare)
+    twin = registry.get().twin
+    assert asked == [None]
+    assert counted == []
+    twin.predict(Scenario(20, 430, 60, 4), sample_times(4, 0.5))
+    assert [(size, version) for size, version, _ in counted] == [(1, 1)]
+    assert 0 < counted[0][2] < 10
+
+
+def test_a_counted_twin_answers_the_same(store):
+    publish_champion(store)
+    plain = TwinRegistry(store, "unit").get().twin
+    counted = CountedTwin.of(plain, lambda *_: None)
+    times = sample_times(4, 0.1)
+    one, other = (twin.predict(Scenario(20, 430, 60, 4), times) for twin in (plain, counted))
+    assert one.summary == other.summary
+    assert (one.trajectory["x_m"] == other.trajectory["x_m"]).all()
+
+
+def test_an_unloaded_model_leaves_the_memory_and_comes_back_when_asked(store):
+    publish_champion(store)
+    publish_champion(store, "other")
+    with running(store) as registry:
+        gone = weakref.ref(registry.get("other").twin.model.residual)
+        registry.get("other@1")
+        registry.unload("other")
+        time.sleep(3 * REFRESH_S)  # the follower does not bring it back
+        gc.collect()
+        assert registry.status().resident == ("unit@1",)
+        assert gone() is None
+        assert registry.get("other@champion").alias == "champion"
+        assert registry.status().resident == ("other@1", "unit@1")
+
+
+def test_the_default_version_is_not_unloaded(store):
+    publish_champion(store)
+    publish(store)
+    with running(store) as registry:
+        registry.get("unit@2")
+        registry.unload("unit")
+        assert registry.status().resident == ("unit@1",)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -33,6 +34,12 @@ def test_times_start_at_zero_rise_and_end_at_the_horizon(horizon_s, dt_s):
 )
 def test_how_many_times(horizon_s, dt_s, count):
     assert len(sample_times(horizon_s, dt_s)) == sample_count(horizon_s, dt_s) == count
+
+
+@given(st.integers(1, 20_000), st.sampled_from(["0.05", "0.0005", "0.3", "0.1", "0.007", "2.5"]))
+def test_multiples_of_a_decimal_step_are_decimals(steps, step):
+    exact = [float(row * Decimal(step)) for row in range(steps + 1)]
+    assert sample_times(exact[-1], float(step)).tolist() == exact
 
 
 @pytest.mark.parametrize(("horizon_s", "dt_s"), [(0, 1), (1, 0), (1, -1), (math.inf, 1), (1, math.nan)])

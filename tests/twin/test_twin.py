@@ -55,6 +55,28 @@ def test_outcome_and_final_position_do_not_depend_on_the_sampling(learned, scena
     assert coarse.slip_ratio == pytest.approx(fine.slip_ratio, abs=1e-2)
 
 
+@given(scenario=scenarios, first=st.floats(0.01, 1))
+def test_a_trajectory_that_is_shown_late_began_at_rest_all_the_same(learned, scenario, first):
+    whole = learned.predict(scenario, np.array([0.0, first * scenario.horizon_s / 2, scenario.horizon_s]))
+    late = learned.predict(scenario, whole.trajectory["time_s"][1:])
+    last = learned.predict(scenario, whole.trajectory["time_s"][2:])
+    for shown in (late, last):
+        for name in ("final_x_m", "final_y_m", "mean_speed_m_s"):
+            assert getattr(shown.summary, name) == pytest.approx(getattr(whole.summary, name), abs=1e-5), name
+        assert shown.summary.outcome == whole.summary.outcome
+    assert late.summary.distance_m == pytest.approx(whole.summary.distance_m, abs=1e-5)
+    assert last.summary.distance_m > 0
+
+
+def test_a_slow_rover_does_not_climb_because_it_is_shown_late(twin):
+    asked = [Scenario(10, 430, torque, 4) for torque in np.linspace(0, 100, 4001)]
+    whole = twin.predict_many(asked, sample_times(4, 1))
+    slow = (whole.summaries.mean_speed_m_s > 0.006) & (np.array(whole.summaries.outcome) == Outcome.STALLS)
+    assert slow.any()
+    for row in slow.nonzero()[0]:
+        assert twin.predict(asked[row], np.array([2.0, 4.0])).summary.outcome is Outcome.STALLS
+
+
 @given(scenario=scenarios)
 def test_frames_hold_the_same_points(learned, scenario):
     times = sample_times(scenario.horizon_s, 0.5)

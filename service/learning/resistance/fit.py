@@ -43,9 +43,11 @@ def fit_resistance_process(
     *,
     hyper: Hyperparameters | None = None,
     progress: Callable[[str], None] | None = None,
+    check: Callable[[], None] = lambda: None,
 ) -> FittedProcess:
     """Fits the model to runs and predicts each run without it. Deterministic: nothing is drawn, nothing iterates.
 
+    `check` is called every second or so, and may raise to stop the fit; so may `progress`.
     For the left-out predictions the hyperparameters and the traction curves (13 numbers) stay those of all runs.
     Raises ValueError for fewer than three runs, for too many, for names that repeat, for a motor without a no-load
     speed, and for a prior of another rover or regolith.
@@ -54,7 +56,7 @@ def fit_resistance_process(
     _require_usable(runs, rover, regolith, prior)
     tell = progress or _say_nothing
     curves = fit_curves(runs, rover, regolith, hyper)
-    tell(f"traction curves: {curves}")
+    tell("traction curves fitted")
     laws = [_law(run, rover, regolith, curves, hyper) for run in runs]
     pieces = [segments_of(run) for run in runs]
     scaled = scaled_features(scenarios_of(runs), rover, regolith, hyper)
@@ -62,11 +64,11 @@ def fit_resistance_process(
     knots = time_knots(max(run.horizon_s for run in runs))
     resistance = _points(runs, pieces, laws, regolith, hyper)
     tell(f"solving for the resistance at {len(resistance.target)} points")
-    solved = SolvedProcess(hyper.resistance, features, resistance, knots)
+    solved = SolvedProcess(hyper.resistance, features, resistance, knots, check)
     resistance_tables, resistance_left = solved.tables(), list(solved.left_out())
     del solved  # its matrices are large
     tell("solving for the height")
-    solved = SolvedProcess(hyper.height, features, _height_points(resistance, pieces), knots)
+    solved = SolvedProcess(hyper.height, features, _height_points(resistance, pieces), knots, check)
     height_tables, height_left = solved.tables(), list(solved.left_out())
     angle = np.concatenate([run.scenario.slope_angle_rad for run in runs])
     speed, height = (
@@ -77,6 +79,7 @@ def fit_resistance_process(
     tell("predicting every run without it")
     left_out = {}
     for run, rho, y, begin in zip(runs, resistance_left, height_left, start_left, strict=True):
+        check()
         without = replace(model, resistance=rho, height=y, start=begin)
         left_out[run.name] = without.positions(run.scenario, run.time_s)
     return FittedProcess(model, left_out)

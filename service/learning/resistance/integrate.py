@@ -21,7 +21,7 @@ TRAVEL_STEP_M = 0.01
 TRAVEL_GRID_M: Array = np.arange(-500, 801) * np.float64(TRAVEL_STEP_M)
 # (step, until), s: the release is fast, and past the training horizon nothing is.
 _SCHEDULE = ((0.02, 2.0), (0.05, 10.0), (0.1, float("inf")))
-_LEAST_RATE = 0.05  # 1/s, of the linearised right-hand side
+LEAST_RATE = 0.05  # 1/s, of the linearised right-hand side
 _SPEED_FACTOR = 1.2  # times the no-load rim speed
 
 
@@ -52,9 +52,17 @@ def steps_until(horizon_s: float, refine: int = 1) -> Steps:
 
 
 @lru_cache(maxsize=16)
-def _blends(hyper: Hyperparameters) -> tuple[float, ...]:
+def rut_blends(hyper: Hyperparameters) -> tuple[float, ...]:
     """`rut_blend` over TRAVEL_GRID_M."""
     return tuple(rut_blend(hyper, TRAVEL_GRID_M).tolist())
+
+
+def speed_bounds(speeds_m_s: Array, gravity_m_s2: float, steps: Steps) -> list[float]:
+    """What the speed (m/s) must not pass at the end of each step; `speeds_m_s` are those of the law."""
+    # Half of the grid's lower end, -2 times it (see traction.speed_grid): the no-load rim speed.
+    rim = -0.5 * float(speeds_m_s[0])
+    bounds: list[float] = np.maximum(_SPEED_FACTOR * rim, gravity_m_s2 * steps.time_s[1:]).tolist()
+    return bounds
 
 
 def integrate(
@@ -73,15 +81,13 @@ def integrate(
     1.2 times the no-load rim speed, or what free fall gives in the time: a bound, not a model.
     """
     virgin, rut = law.virgin.tolist(), law.rut.tolist()
-    resistance, blend = along_travel.tolist(), _blends(hyper)
+    resistance, blend = along_travel.tolist(), rut_blends(hyper)
     lowest, per_speed = float(law.speeds_m_s[0]), 1.0 / float(law.speeds_m_s[1] - law.speeds_m_s[0])
     last_speed, last_travel = len(virgin) - 1.000001, len(resistance) - 1.000001
     first_travel, per_travel = float(TRAVEL_GRID_M[0]), 1.0 / TRAVEL_STEP_M
-    # Half of the grid's width over 3 - (-2), see traction.speed_grid: the no-load rim speed.
-    rim = -0.5 * lowest
     slope_gain = -gravity_m_s2 * per_speed
     steepest = min(-law.sine, 0.0)
-    bounds = np.maximum(_SPEED_FACTOR * rim, gravity_m_s2 * steps.time_s[1:]).tolist()
+    bounds = speed_bounds(law.speeds_m_s, gravity_m_s2, steps)
     x, v = 0.0, start_speed_m_s
     travelled = [x]
     for dt, release, bound in zip(steps.duration_s, along_time.tolist(), bounds, strict=True):
@@ -103,8 +109,8 @@ def integrate(
             push += rutted * (other + (place - cell) * rise - push)
             change += rutted * (rise - change)
         rate = slope_gain * change
-        if rate < _LEAST_RATE:
-            rate = _LEAST_RATE
+        if rate < LEAST_RATE:
+            rate = LEAST_RATE
         force = push - rho
         if v < 0.0 and force < steepest:
             force = steepest

@@ -43,23 +43,30 @@ class ScenarioFeatures:
 def matern52(distance: Array) -> Array:
     """Matern kernel of order 5/2 (Rasmussen and Williams, Gaussian Processes for Machine Learning, eq. 4.17)."""
     scaled = np.sqrt(5.0) * distance
-    return np.asarray((1.0 + scaled * (1.0 + scaled / 3.0)) * np.exp(-scaled), dtype=np.float64)
+    polynomial = scaled / 3.0
+    polynomial += 1.0
+    polynomial *= scaled
+    polynomial += 1.0
+    polynomial *= np.exp(-scaled)
+    return np.asarray(polynomial, dtype=np.float64)
 
 
 def scenario_kernels(hyper: KernelHyperparameters, one: ScenarioFeatures, two: ScenarioFeatures) -> ScenarioKernels:
     """Squared-exponential kernels; level and travel add a linear one, the near-stall parts are gated on both sides."""
     lengths = (hyper.level_lengths, hyper.travel_lengths, hyper.release_lengths, hyper.rut_lengths, hyper.stall_lengths)
     inverse = 1.0 / np.square(lengths)
-    squared = np.square(one.scaled[:, None, :] - two.scaled[None, :, :])
-    near = np.exp(-0.5 * (inverse @ np.swapaxes(squared, 1, 2)))
-    linear = [1.0 + (one.scaled * scale) @ two.scaled.T for scale in inverse[:2]]
-    stall = one.gate[:, None] * two.gate[None, :] * near[:, 4]
+    squared = np.square(one.scaled.T[:, :, None] - two.scaled.T[:, None, :])
+    exponents = (-0.5 * inverse) @ squared.reshape(3, -1)
+    near = np.exp(exponents, out=exponents).reshape(len(lengths), len(one.scaled), len(two.scaled))
+    for kernel, scales in zip(near[:2], inverse, strict=False):
+        kernel += 1.0 + (one.scaled * scales) @ two.scaled.T
+    stall = one.gate[:, None] * two.gate[None, :] * near[4]
     return ScenarioKernels(
-        level=hyper.level_deviation**2 * (near[:, 0] + linear[0]) + hyper.stall_level_deviation**2 * stall,
-        travel=hyper.travel_deviation**2 * (near[:, 1] + linear[1]) + hyper.stall_travel_deviation**2 * stall,
-        release=hyper.release_deviation**2 * near[:, 2],
+        level=hyper.level_deviation**2 * near[0] + hyper.stall_level_deviation**2 * stall,
+        travel=hyper.travel_deviation**2 * near[1] + hyper.stall_travel_deviation**2 * stall,
+        release=hyper.release_deviation**2 * near[2],
         stall=hyper.stall_time_deviation**2 * stall,
-        rut=hyper.rut_deviation**2 * near[:, 3],
+        rut=hyper.rut_deviation**2 * near[3],
     )
 
 

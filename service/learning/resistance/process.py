@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,14 +52,22 @@ class TrainingPoints:
 
 
 class SolvedProcess:
-    """A process conditioned on its training points."""
+    """A process conditioned on its training points. `check` is called every second or so, and may raise to stop."""
 
     def __init__(
-        self, hyper: KernelHyperparameters, features: ScenarioFeatures, points: TrainingPoints, time_knots_s: Array
+        self,
+        hyper: KernelHyperparameters,
+        features: ScenarioFeatures,
+        points: TrainingPoints,
+        time_knots_s: Array,
+        check: Callable[[], None] = lambda: None,
     ) -> None:
         self.points = points
+        self._check = check
         # LAPACK works by columns: the transpose of the lower half, row by row, is an upper half without a copy.
-        upper = cholesky(_covariance(hyper, features, points).T, lower=False, overwrite_a=True, check_finite=False)
+        covariance = _covariance(hyper, features, points, check)
+        upper = cholesky(covariance.T, lower=False, overwrite_a=True, check_finite=False)
+        check()
         self._factor = upper
         self.weights: Array = cho_solve((upper, False), points.target, check_finite=False)
         self._travel = travel_kernel(hyper, TRAVEL_KNOTS_M, points.travel_m)
@@ -90,6 +98,7 @@ class SolvedProcess:
         leave-one-out formula, Rasmussen and Williams, Gaussian Processes for Machine Learning, section 5.4.2).
         """
         inverse, _ = dtrtri(self._factor, lower=0)
+        self._check()
         count = self.points.run_count
         loads = np.zeros((len(self.weights), count))
         for run in range(count):
@@ -97,13 +106,16 @@ class SolvedProcess:
             rows = np.triu(inverse[inside, inside.start :])
             loads[inside, run] = np.linalg.solve(rows @ rows.T, self.weights[inside])
         changes = cho_solve((self._factor, False), loads, overwrite_b=True, check_finite=False)
+        self._check()
         for run in range(count):
             weights = self.weights - changes[:, run]
             weights[self.points.of_run(run)] = 0.0
             yield self.tables(weights)
 
 
-def _covariance(hyper: KernelHyperparameters, features: ScenarioFeatures, points: TrainingPoints) -> Array:
+def _covariance(
+    hyper: KernelHyperparameters, features: ScenarioFeatures, points: TrainingPoints, check: Callable[[], None]
+) -> Array:
     """Lower half of the covariance, built by rows of one run at a time so that the blocks stay small."""
     kernels = scenario_kernels(hyper, features, features)
     total = points.starts[-1]
@@ -114,6 +126,7 @@ def _covariance(hyper: KernelHyperparameters, features: ScenarioFeatures, points
         block = _between(hyper, kernels, points, rows, run, np.repeat(np.arange(run + 1), sizes[: run + 1]))
         block[:, rows] += _within(hyper, features, points, rows, run)
         covariance[rows, :until] = block
+        check()
     return covariance
 
 

@@ -21,8 +21,12 @@ def start_features(angle_rad: Array, log_mass_scaled: Array) -> Array:
 
 
 def _shape(one: Array, two: Array) -> Array:
-    squared = np.square((one[:, None, :] - two[None, :, :]) / _LENGTHS).sum(-1)
-    return np.asarray(matern52(np.sqrt(squared)) + 1.0 + one @ two.T)
+    (one_slope, one_mass), (two_slope, two_mass) = (one / _LENGTHS).T, (two / _LENGTHS).T
+    distance = np.square(one_slope[:, None] - two_slope)
+    distance += np.square(one_mass[:, None] - two_mass)
+    shape = matern52(np.sqrt(distance, out=distance))
+    shape += 1.0 + one @ two.T
+    return np.asarray(shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +41,11 @@ class StartProcess:
         """Speed (m/s) and height (m) at release for features of shape (2,)."""
         speed, height = self.mean + _shape(features[None, :], self.features)[0] @ self.weights
         return float(speed), float(height)
+
+    def at_many(self, features: Array) -> tuple[Array, Array]:
+        """The same for features of shape (scenario, 2); each answer has shape (scenario,)."""
+        speed, height = (self.mean + _shape(features, self.features) @ self.weights).T
+        return speed, height
 
 
 def fit_start(features: Array, speed_m_s: Array, height_m: Array) -> tuple[StartProcess, list[StartProcess]]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from service.learning.held_out import left_out_slopes
 from service.learning.observed import ObservedRun, scenarios_of
 from service.learning.resistance import model as model_module
 from service.learning.resistance.fit import FittedProcess, fit_resistance_process
@@ -49,6 +51,22 @@ def test_left_out_runs_are_left_out(fitted: FittedProcess, paper_runs: list[Obse
     np.testing.assert_allclose(fitted.left_out[run.name].x_m, without.x_m, atol=0.006)
     with_it = fitted.model.positions(run.scenario, run.time_s)
     assert np.abs(with_it.x_m - run.x_m).max() < np.abs(without.x_m - run.x_m).max()
+
+
+def test_a_slope_left_out_of_its_series_is_as_if_never_seen(fitted: FittedProcess, paper_runs: list[ObservedRun]):
+    prior, heavy = fitted.model.prior, replace(paper_runs[8], name="heavy", scenario=Scenarios.of(28, 860, 120))
+
+    def fit(runs: Sequence[ObservedRun]) -> FittedProcess:
+        return fit_resistance_process(runs, VIPER, LUNAR_REGOLITH, prior)
+
+    left_out = left_out_slopes([heavy, *paper_runs], lambda runs: fit(runs).left_out)
+    assert left_out.keys() == {run.name for run in paper_runs}
+    for run in paper_runs[::4]:  # 20, 24, 28 and 32 degrees
+        without = fit([other for other in paper_runs if other is not run])
+        truly = without.model.positions(run.scenario, run.time_s)
+        # only the traction curves and the start's mean, of the whole series, differ
+        np.testing.assert_allclose(left_out[run.name].x_m, truly.x_m, atol=0.002)
+        np.testing.assert_allclose(left_out[run.name].y_m, truly.y_m, atol=0.0002)
 
 
 def test_a_batch_is_the_loop_over_its_scenarios(fitted: FittedProcess):

@@ -1,0 +1,149 @@
+"""The answers to many scenarios, as columns; one of them in full is `batch[row]`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from service.learning.domain import DomainVerdicts
+from service.physics.scenario import Array, Scenarios
+from service.twin.prediction import Frame, NonFiniteError, Prediction, PredictionBand
+from service.twin.scenario import Scenario, sample_times
+from service.twin.summary import Summaries
+
+Index = npt.NDArray[np.intp]
+
+
+def as_physics(scenarios: Sequence[Scenario]) -> Scenarios:
+    """Scenarios in SI units and radians."""
+    slopes, masses, torques = np.array([(s.slope_deg, s.mass_kg, s.torque_nm) for s in scenarios], dtype=np.float64).T
+    return Scenarios(np.radians(slopes), masses, torques)
+
+
+def sample_grid(horizons_s: Sequence[float], dt_s: float) -> Array:
+    """The `sample_times` of many scenarios, s: (time,) where all horizons are one, otherwise (scenario, time).
+
+    Rows shorter than the longest are filled up with their horizon, so that nothing moves there. The whole grid is held
+    in memory: whoever lets others ask bounds scenarios times the longest row (`sample_count`).
+
+    Raises InvalidValueError unless all are positive and finite.
+    """
+    rows = {horizon: sample_times(horizon, dt_s) for horizon in dict.fromkeys(horizons_s)}
+    if len(rows) == 1:
+        return next(iter(rows.values()))
+    longest = max(map(len, rows.values()), default=0)
+    grid = np.empty((len(horizons_s), longest))
+    for at, horizon in enumerate(horizons_s):
+        row = rows[horizon]
+        grid[at, : len(row)] = row
+        grid[at, len(row) :] = horizon
+    return grid
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PredictionBatch:
+    """Predictions in columns, the members those of `Prediction`: arrays that have shape (time,) there have
+    (scenario, time) here, those of `band` too.
+
+    `time_s` has shape (time,) where all scenarios share it, otherwise (scenario, time). Of a row only the first
+    `counts[row]` samples are its own; the rest repeats the last one.
+    """
+
+    scenarios: tuple[Scenario, ...]
+    frame: Frame
+    time_s: Array
+    counts: Index
+    positions: Mapping[str, Array]
+    prior_name: str
+    prior: Mapping[str, Array]
+    domain: DomainVerdicts
+    summaries: Summaries
+    band: PredictionBand | None = None
+
+    def __len__(self) -> int:
+        return len(self.scenarios)
+
+    def __iter__(self) -> Iterator[Prediction]:
+        return (self[row] for row in range(len(self)))
+
+    def only(self, rows: Index) -> PredictionBatch:
+        """Some of the predictions; the arrays are copies."""
+        summaries, kept = self.summaries, rows.tolist()
+        return PredictionBatch(
+            scenarios=tuple(self.scenarios[row] for row in kept),
+            frame=self.frame,
+            time_s=self.time_s if self.time_s.ndim == 1 else self.time_s[rows],
+            counts=self.counts[rows],
+            positions={name: column[rows] for name, column in self.positions.items()},
+            prior_name=self.prior_name,
+            prior={name: column[rows] for name, column in self.prior.items()},
+            domain=self.domain.only(rows),
+            summaries=Summaries(
+                outcome=tuple(summaries.outcome[row] for row in kept),
+                final_x_m=summaries.final_x_m[rows],
+                final_y_m=summaries.final_y_m[rows],
+                distance_m=summaries.distance_m[rows],
+                mean_speed_m_s=summaries.mean_speed_m_s[rows],
+                slip_ratio=tuple(summaries.slip_ratio[row] for row in kept),
+            ),
+            band=self.band
+            and PredictionBand(self.band.level, **{name: each[rows] for name, each in self.band.columns().items()}),
+        )
+
+    def __getitem__(self, row: int) -> Prediction:
+        """One prediction; its arrays are views of the columns."""
+        if not -len(self) <= row < len(self):
+            raise IndexError(f"row {row} of {len(self)} predictions")
+        count = int(self.counts[row])
+        time = (self.time_s if self.time_s.ndim == 1 else self.time_s[row])[:count]
+        bounds = None if self.band is None else _first(self.band.columns(), row, count)
+        return Prediction(
+            scenario=self.scenarios[row],
+            frame=self.frame,
+            trajectory={"time_s": time, **_first(self.positions, row, count)},
+            prior_name=self.prior_name,
+            prior=_first(self.prior, row, count),
+            domain=self.domain[row],
+            summary=self.summaries[row],
+            band=None if self.band is None or bounds is None else PredictionBand(self.band.level, **bounds),
+        )
+
+
+def predict_finite(
+    predict: Callable[[Index], PredictionBatch], rows: Index
+) -> tuple[PredictionBatch | None, Index, dict[int, NonFiniteError]]:
+    """What `predict` answers for those rows that have a finite answer, these rows, and what is wrong with the others.
+
+    `predict` is `Twin.predict_many` for some rows. One that fails is searched for by halving, so that one in a
+    thousand costs about as much as three more predictions; None where nothing is left.
+    """
+    if not len(rows):
+        return None, rows, {}
+    try:
+        return predict(rows), rows, {}
+    except NonFiniteError as error:
+        failed = _failures(predict, rows, error)
+    left = rows[~np.isin(rows, list(failed))]
+    return (predict(left) if len(left) else None), left, failed
+
+
+def _failures(
+    predict: Callable[[Index], PredictionBatch], rows: Index, error: NonFiniteError
+) -> dict[int, NonFiniteError]:
+    """What is wrong with each of the rows that fail, of some that fail together with `error`."""
+    if len(rows) == 1:
+        return {int(rows[0]): error}
+    failed: dict[int, NonFiniteError] = {}
+    for half in np.array_split(rows, 2):
+        try:
+            predict(half)
+        except NonFiniteError as found:
+            failed |= _failures(predict, half, found)
+    return failed
+
+
+def _first(columns: Mapping[str, Array], row: int, count: int) -> dict[str, Array]:
+    return {name: column[row, :count] for name, column in columns.items()}
