@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 _KINDS = {
@@ -13,6 +13,28 @@ _KINDS = {
     "array": "a list",
     "object": "a JSON object",
 }
+
+
+def allowed_fields(schema: Mapping[str, Any]) -> dict[str, str]:
+    """What each field of a model's JSON schema accepts; fields of fields by dotted names beside the whole."""
+    return dict(_fields_of(schema, schema.get("$defs", {}), ""))
+
+
+def _fields_of(schema: Mapping[str, Any], definitions: Mapping[str, Any], before: str) -> Iterator[tuple[str, str]]:
+    for name, field in schema.get("properties", {}).items():
+        node = _resolved(field, definitions)
+        yield before + name, allowed_values(node)
+        yield from _fields_of(node, definitions, f"{before}{name}.")
+
+
+def _resolved(node: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[str, Any]:
+    """The node with the definitions that it, its items and its choices refer to."""
+    found = {**definitions.get(str(node.get("$ref", "")).rpartition("/")[2], {}), **node}
+    if "items" in found:
+        found["items"] = _resolved(found["items"], definitions)
+    if "anyOf" in found:
+        found["anyOf"] = [_resolved(part, definitions) for part in found["anyOf"]]
+    return found
 
 
 def allowed_values(schema: Mapping[str, Any]) -> str:

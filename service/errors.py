@@ -4,7 +4,13 @@
     ├── InvalidValueError     a value outside its allowed range (also ValueError); names field, value, allowed
     ├── DatasetError          a dataset or one of its files cannot be used
     ├── CheckpointError       a stored version cannot become a twin
-    └── TrainingError         a training run could not start or finish
+    ├── TrainingError         a training run could not start or finish
+    └── JobError              a training job or their queue
+        ├── JobNotFoundError      no job has this id (also LookupError)
+        ├── JobStateError         the job's state does not allow it
+        ├── QueueFullError        as many jobs wait as may; names when to come back
+        ├── IdempotencyKeyError   the key was used for another request (also ValueError)
+        └── JobsUnavailableError  the jobs' database does not answer
 
 The store keeps its own tree (`model_store/errors.py`), since it imports nothing of ours.
 """
@@ -34,3 +40,31 @@ class CheckpointError(RoverTwinError):
 
 class TrainingError(RoverTwinError):
     """A training run could not start or finish."""
+
+
+class JobError(RoverTwinError):
+    """Root of what can go wrong with training jobs as such; why one failed is in the job itself."""
+
+
+class JobNotFoundError(JobError, LookupError):
+    """No training job has this id."""
+
+
+class JobStateError(JobError):
+    """The state of the job does not allow what was asked."""
+
+
+class QueueFullError(JobError):
+    """As many jobs wait as may; `retry_after_s` is when to ask again."""
+
+    def __init__(self, waiting: int, retry_after_s: int) -> None:
+        self.waiting, self.retry_after_s = waiting, retry_after_s
+        super().__init__(f"{waiting} training jobs wait, which is all that may; ask again in {retry_after_s} s")
+
+
+class IdempotencyKeyError(JobError, ValueError):
+    """The idempotency key belongs to a job with another request."""
+
+
+class JobsUnavailableError(JobError):
+    """The jobs' database does not answer; nothing was changed, or an acknowledgement got lost."""

@@ -5,18 +5,29 @@
     dataset = read_parquet(data, sets=["paper"])
 
 Arrays out, reasons out. Knows no network, no store and no learning.
+
+What reads and writes files is imported on its first use: it needs pyarrow, which a service that only predicts does not.
 """
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from service.datasets.column_map import PRESETS, ColumnMap
 from service.datasets.columns import COLUMNS, Column
 from service.datasets.digest import dataset_id
 from service.datasets.findings import Code, Finding, Severity, UnusableFileError
-from service.datasets.folder import read_folder
-from service.datasets.parquet import read_parquet, to_parquet, write_parquet
 from service.datasets.passport import Passport, parse_passport
 from service.datasets.report import RejectedDatasetError, ValidationReport
 from service.datasets.run import Dataset, Run
 from service.datasets.summary import DatasetSummary, summarise
+
+if TYPE_CHECKING:
+    from service.datasets.folder import read_folder
+    from service.datasets.parquet import read_parquet, to_parquet, write_parquet
+
+_FILES = {"read_folder": "folder", "read_parquet": "parquet", "to_parquet": "parquet", "write_parquet": "parquet"}
 
 __all__ = [
     "COLUMNS",
@@ -41,3 +52,9 @@ __all__ = [
     "to_parquet",
     "write_parquet",
 ]
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - PEP 562
+    if name not in _FILES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_FILES[name]}"), name)

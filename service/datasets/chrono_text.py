@@ -7,7 +7,7 @@ free text, delimiters are `,` `;` tab or spaces. The names of columns are resolv
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import BinaryIO
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from service.datasets.columns import MAX_COLUMNS
 from service.datasets.findings import Code, UnusableFileError, reject
-from service.datasets.number_grid import Grid, parse_grid
+from service.datasets.number_grid import parse_grid
 from service.datasets.source import DEFAULT_MAX_BYTES, read_bounded
 
 MAX_ROWS = 2_000_000
@@ -35,6 +35,17 @@ class TextTable:
     lines: npt.NDArray[np.int64]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SplitText:
+    """A text without blank and comment lines: rows of cells in `body`, the line of each in `lines` (row,)."""
+
+    body: bytes
+    delimiter: bytes
+    lines: npt.NDArray[np.int64]
+    header: bytes | None
+    comment: bytes | None
+
+
 def read_text(stream: BinaryIO, *, file: str = "file", max_bytes: int = DEFAULT_MAX_BYTES) -> TextTable:
     """Read a whole file, plain or gzipped. Cells may be `nan` or `inf`: validation says so, not this reader.
 
@@ -45,22 +56,27 @@ def read_text(stream: BinaryIO, *, file: str = "file", max_bytes: int = DEFAULT_
 
 def parse_text(data: bytes, *, file: str = "file") -> TextTable:
     """The same for bytes that are already decompressed."""
+    text = split_text(data, file=file)
+    if text.delimiter == b" ":
+        text = replace(text, body=b"\n".join(b" ".join(line.split()) for line in text.body.split(b"\n")))
+    labels = [cell.strip().decode("utf-8", "replace") for cell in (text.header or b"").split(text.delimiter)]
+    grid = parse_grid(text.body, text.delimiter, text.lines, file=file, labels=labels)
+    return TextTable(header_names(text, len(grid.columns), file=file), grid.columns, grid.lines)
+
+
+def split_text(data: bytes, *, file: str = "file", max_rows: int = MAX_ROWS) -> SplitText:
+    """Rows, header and comment of a text. Raises UnusableFileError for what is no text, empty or too large."""
     text = _plain(data, file)
     body, first_line, header, comment = _split_preamble(text)
-    if body.count(b"\n") >= MAX_ROWS + 1:
-        message = f"more than {MAX_ROWS} rows, allowed is at most {MAX_ROWS}"
+    if body.count(b"\n") >= max_rows + 1:
+        message = f"more than {max_rows} rows, allowed is at most {max_rows}"
         raise UnusableFileError([reject(file, Code.TOO_LARGE, message)])
     if not body.strip():
         raise UnusableFileError([reject(file, Code.EMPTY_FILE, "no rows of numbers in it")])
     body, lines = _data_lines(body, first_line)
     delimiter = _delimiter(body)
-    if delimiter == b" ":
-        body = b"\n".join(b" ".join(line.split()) for line in body.split(b"\n"))
     _bound_columns(body, delimiter, first_line, file)
-    labels = [cell.strip().decode("utf-8", "replace") for cell in (header or b"").split(delimiter)]
-    grid = parse_grid(body, delimiter, lines, file=file, labels=labels)
-    names = _names(header, comment, delimiter, grid, first_line, file)
-    return TextTable(names, grid.columns, grid.lines)
+    return SplitText(body, delimiter, lines, header, comment)
 
 
 def _plain(data: bytes, file: str) -> bytes:
@@ -143,15 +159,14 @@ def _bound_columns(body: bytes, delimiter: bytes, first_line: int, file: str) ->
         raise UnusableFileError([reject(file, Code.TOO_LARGE, message, row=first_line)])
 
 
-def _names(
-    header: bytes | None, comment: bytes | None, delimiter: bytes, grid: Grid, first_line: int, file: str
-) -> tuple[str, ...] | None:
+def header_names(text: SplitText, width: int, *, file: str = "file") -> tuple[str, ...] | None:
     """Header cells, one per column. The header may use another delimiter than the rows: it is free text.
 
     A comment right above the rows (as numpy.savetxt writes) serves as header when its cells fit one to one.
+    Raises UnusableFileError when there is a header that does not name `width` columns.
     """
-    width = len(grid.columns)
-    line = header if header is not None else comment
+    header, delimiter = text.header, text.delimiter
+    line = header if header is not None else text.comment
     if line is None:
         return None
     if header is None:
@@ -166,4 +181,4 @@ def _names(
     if header is None:
         return None
     message = f"the header {header[:120].decode('utf-8', 'replace')!r} does not name the {width} columns of the rows"
-    raise UnusableFileError([reject(file, Code.HEADER_MISMATCH, message, row=first_line)])
+    raise UnusableFileError([reject(file, Code.HEADER_MISMATCH, message, row=int(text.lines[0]))])

@@ -137,6 +137,12 @@ def _missing(name: str, names: Sequence[str] | None, count: int, file: str, want
     if names is None:
         has = f"there is no header over its {count} columns"
         remedy = f'give a column map with 0-based indices, for example {{"{name}": 1}}'
+        if count == len(PRESETS["vehicle-python"].sources):
+            # two demos write five columns without a header, and only one of them can be learned from
+            remedy += (
+                ", or the preset vehicle-python if the columns are time x y z speed; time and four wheel torques, as "
+                "demo_ROBOT_Viper_SCM writes, have no position: nothing can be learned from them"
+            )
     else:
         has = f"the header has {', '.join(repr(each) for each in names[:16])}"
         remedy = f"give a column map, or a preset among {', '.join(PRESETS)}"

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from service.datasets.file_names import printable, shown
 from service.errors import DatasetError
 
 MAX_LOCATED = 20
@@ -22,6 +23,19 @@ class Severity(StrEnum):
 class Code(StrEnum):
     """Stable names of the reasons; clients may match on them."""
 
+    # the upload as a whole
+    UNSUPPORTED_FORMAT = "unsupported-format"
+    BROKEN_ARCHIVE = "broken-archive"
+    BROKEN_PARQUET = "broken-parquet"
+    ENCRYPTED = "encrypted"
+    LINK = "link"
+    SPECIAL_FILE = "special-file"
+    NESTED_ARCHIVE = "nested-archive"
+    DUPLICATE_NAME = "duplicate-name"
+    TOO_MANY_FILES = "too-many-files"
+    DECOMPRESSION_BOMB = "decompression-bomb"
+    PASSPORT = "passport"
+    DEFAULT_PASSPORT = "default-passport"
     # the file as text
     MISSING_FILE = "missing-file"
     UNSAFE_PATH = "unsafe-path"
@@ -37,6 +51,8 @@ class Code(StrEnum):
     MISSING_COLUMN = "missing-column"
     IGNORED_COLUMN = "ignored-column"
     # the run table
+    RUN_TABLE = "run-table"
+    SCENARIO_VARIES = "scenario-varies"
     SCENARIO_MISSING = "scenario-missing"
     SCENARIO_RANGE = "scenario-range"
     DUPLICATE_ENTRY = "duplicate-entry"
@@ -88,12 +104,17 @@ class Finding:
 
 def reject(file: str, code: Code, message: str, *, row: int | None = None, column: str | None = None) -> Finding:
     """A finding that keeps the run out."""
-    return Finding(file, code, Severity.REJECT, message, row, column)
+    return _finding(file, code, Severity.REJECT, message, row, column)
 
 
 def warn(file: str, code: Code, message: str, *, row: int | None = None, column: str | None = None) -> Finding:
     """A finding to look at; the run stays."""
-    return Finding(file, code, Severity.WARN, message, row, column)
+    return _finding(file, code, Severity.WARN, message, row, column)
+
+
+def _finding(file: str, code: Code, severity: Severity, message: str, row: int | None, column: str | None) -> Finding:
+    # messages quote files and the libraries that read them
+    return Finding(file, code, severity, printable(message), row, None if column is None else shown(column))
 
 
 class UnusableFileError(DatasetError):

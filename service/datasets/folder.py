@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path, PurePosixPath
 
-from service.datasets.candidate import Array, Candidate
-from service.datasets.chrono_text import read_text
-from service.datasets.column_map import ColumnMap, resolve
+from service.datasets.chrono_text import TextTable, parse_text
+from service.datasets.column_map import ColumnMap
 from service.datasets.findings import MAX_LOCATED, Code, Finding, UnusableFileError, reject, warn
+from service.datasets.intake import MAX_TOTAL_ROWS, Intake, Progress
 from service.datasets.passport import MAX_BYTES as PASSPORT_MAX_BYTES
 from service.datasets.passport import Passport, parse_passport
-from service.datasets.report import RejectedDatasetError, ValidationReport
-from service.datasets.run import Dataset, Run
+from service.datasets.report import ValidationReport
+from service.datasets.run import Dataset
 from service.datasets.run_table import FILE as RUN_TABLE
 from service.datasets.run_table import MAX_BYTES as TABLE_MAX_BYTES
 from service.datasets.run_table import RunEntry, parse_run_table
-from service.datasets.source import DEFAULT_MAX_BYTES
-from service.datasets.summary import summarise
-from service.datasets.validate import check_duplicates, check_entries, check_passport, check_run
+from service.datasets.source import DEFAULT_MAX_BYTES, read_bounded
+from service.datasets.validate import check_entries, check_passport
 from service.errors import DatasetError, InvalidValueError
 
 PASSPORT = "passport.json"
-MAX_TOTAL_ROWS = 20_000_000
-Progress = Callable[[int, int, str], None]
-"""Called before each file with (files done, files in all, file)."""
 
 
 def read_folder(
@@ -46,100 +43,71 @@ def read_folder(
     """
     root = Path(folder)
     passport = parse_passport(_read_small(root / PASSPORT, PASSPORT_MAX_BYTES))
-    every, findings = parse_run_table(_read_small(root / RUN_TABLE, TABLE_MAX_BYTES))
-    entries = _chosen(every, sets)
-    listed_findings = [*findings, *check_passport(passport), *check_entries(entries), *_unlisted(root, every)]
-    mapping = ColumnMap.of(column_map if column_map is not None else passport.column_map)
-    reader = _Reader(root, passport, mapping, _names(every), max_file_bytes)
-    runs, file_findings = reader.read(_unbarred(entries, listed_findings), progress)
-    return _conclude(name or root.resolve().name, passport, entries, runs, [*listed_findings, *file_findings], strict)
+    table = parse_run_table(_read_small(root / RUN_TABLE, TABLE_MAX_BYTES))
+    return read_listed(
+        root,
+        passport,
+        table,
+        sets=sets,
+        strict=strict,
+        column_map=ColumnMap.of(column_map if column_map is not None else passport.column_map),
+        name=name or root.resolve().name,
+        max_file_bytes=max_file_bytes,
+        progress=progress,
+    )
 
 
-def _conclude(
-    name: str,
+def read_listed(
+    root: Path,
     passport: Passport,
-    entries: list[RunEntry],
-    runs: list[tuple[str, Run]],
-    findings: list[Finding],
-    strict: bool,
+    table: tuple[list[RunEntry], list[Finding]],
+    *,
+    name: str,
+    column_map: ColumnMap | None = None,
+    sets: Collection[str] | None = None,
+    strict: bool = False,
+    max_file_bytes: int = DEFAULT_MAX_BYTES,
+    max_total_bytes: int | None = None,
+    max_rows: int = MAX_TOTAL_ROWS,
+    progress: Progress | None = None,
+    noticed: Sequence[Finding] = (),
 ) -> tuple[Dataset, ValidationReport]:
-    findings = [*findings, *check_duplicates(runs)]
-    barred = {finding.file for finding in findings if finding.rejects}
-    accepted = [(file, run) for file, run in runs if file not in barred]
-    files = tuple(file for file, _ in accepted)
-    rejected = tuple(dict.fromkeys(entry.file for entry in entries if entry.file not in files))
-    dataset = Dataset(name, passport, tuple(run for _, run in accepted)) if accepted else None
-    report = ValidationReport(files, rejected, tuple(findings), summarise(dataset) if dataset else None)
-    if dataset is None:
-        raise RejectedDatasetError(report, "no run is usable")
-    if strict and report.rejections:
-        raise RejectedDatasetError(report, f"{len(report.rejections)} reasons to reject")
-    return dataset, report
+    """`read_folder` once passport and run table are parsed. `max_total_bytes` bounds all files together, unpacked;
+    `noticed` is what is to stand in the report before all else.
+    """
+    every, findings = table
+    entries = _chosen(every, sets)
+    intake = Intake(passport, column_map, max_rows=max_rows)
+    listed_findings = [*findings, *check_passport(passport), *check_entries(entries), *_unlisted(root, every)]
+    intake.findings += [*noticed, *listed_findings]
+    reader = _FileReader(root, max_file_bytes, max_total_bytes)
+    names = _names(every)
+    chosen = _unbarred(entries, listed_findings)
+    for done, entry in enumerate(chosen):
+        if progress is not None:
+            progress(done, len(chosen), entry.file)
+        intake.take(entry, names[entry.file], partial(reader.read, entry.file))
+    return intake.conclude(name, [entry.file for entry in entries], strict=strict)
 
 
-class _Reader:
-    """Reads the files of one folder, each into a run or into findings."""
+class _FileReader:
+    """Reads the files of one folder within a bound on all of them."""
 
-    def __init__(
-        self, root: Path, passport: Passport, mapping: ColumnMap | None, names: dict[str, str], max_bytes: int
-    ) -> None:
-        self._root, self._passport, self._mapping = root, passport, mapping
-        self._names, self._max_bytes = names, max_bytes
-        self._rows_left = MAX_TOTAL_ROWS
+    def __init__(self, root: Path, max_file_bytes: int, max_total_bytes: int | None) -> None:
+        self._root, self._max_file_bytes, self._bytes_left = root, max_file_bytes, max_total_bytes
 
-    def read(self, entries: list[RunEntry], progress: Progress | None) -> tuple[list[tuple[str, Run]], list[Finding]]:
-        """Accepted runs with their files, and all findings."""
-        runs: list[tuple[str, Run]] = []
-        findings: list[Finding] = []
-        for done, entry in enumerate(entries):
-            if progress is not None:
-                progress(done, len(entries), entry.file)
-            try:
-                candidate, noticed = self._candidate(entry)
-            except UnusableFileError as error:
-                findings += error.findings
-                continue
-            noticed = [*noticed, *check_run(candidate)]
-            findings += noticed
-            if not any(finding.rejects for finding in noticed):
-                runs.append((entry.file, self._run(candidate)))
-        return runs, findings
-
-    def _candidate(self, entry: RunEntry) -> tuple[Candidate, list[Finding]]:
-        with _inside(self._root, entry.file).open("rb") as stream:
-            table = read_text(stream, file=entry.file, max_bytes=self._max_bytes)
-        self._rows_left -= len(table.lines)
-        if self._rows_left < 0:
-            message = f"the dataset has more than {MAX_TOTAL_ROWS} rows, allowed is at most {MAX_TOTAL_ROWS}"
-            raise UnusableFileError([reject(entry.file, Code.TOO_LARGE, message)])
-        names, declared = table.names, self._passport.columns
-        if names is None and declared is not None and len(declared) == len(table.columns):
-            names = declared
-        found = resolve(names, len(table.columns), self._mapping, file=entry.file)
-        columns = {name: table.columns[index] for name, index in found.indices.items()}
-        if found.zero_start:
-            columns = _from_zero(columns)
-        return Candidate(entry, columns, table.lines, self._passport), list(found.findings)
-
-    def _run(self, candidate: Candidate) -> Run:
-        entry = candidate.entry
-        horizon_s = entry.horizon_s if entry.horizon_s is not None else round(float(candidate.time_s[-1]), 6)
-        return Run(
-            self._names[entry.file],
-            entry.set_name,
-            entry.slope_deg,
-            entry.mass_kg,
-            entry.torque_nm,
-            horizon_s,
-            candidate.columns,
-        )
-
-
-def _from_zero(columns: dict[str, Array]) -> dict[str, Array]:
-    """Time and x counted from the first row. (A first row that is nan is left to validation.)"""
-    shift = {"time_s": columns["time_s"][0], "rear_x_m": columns["rear_x_m"][0]}
-    shift["front_x_m"] = shift["rear_x_m"]
-    return {name: column - shift[name] if name in shift else column for name, column in columns.items()}
+    def read(self, file: str) -> TextTable:
+        left = self._bytes_left
+        most = self._max_file_bytes if left is None else max(0, min(self._max_file_bytes, left))
+        path = _inside(self._root, file)
+        if left is not None:
+            # all of it is spent until the file turns out smaller: a bomb uses what it may, and is refused then
+            self._bytes_left = left - most
+        with path.open("rb") as stream:
+            data = read_bounded(stream, file=file, max_bytes=most)
+        if left is not None:
+            self._bytes_left = left - len(data)
+        return parse_text(data, file=file)
 
 
 def _read_small(path: Path, max_bytes: int) -> bytes:

@@ -85,16 +85,17 @@ def _careful(body: bytes, delimiter: bytes, lines: npt.NDArray[np.int64], place:
     """Row by row in Python: slower, knows where each fault is."""
     rows = body.split(b"\n")
     width = rows[0].count(delimiter) + 1
-    tail = width > 1 and all(not row.rpartition(delimiter)[2].strip() for row in rows)
+    # the last row may be cut off, and then ends in a value
+    tail = width > 1 and all(not row.rpartition(delimiter)[2].strip() for row in (rows[:-1] or rows))
     values, problems = array("d"), list[Finding]()
     for row, line in zip(rows, lines.tolist(), strict=True):
         cells = row.split(delimiter)
-        if len(cells) != width:
-            problems.append(_ragged(len(cells) - tail, width - tail, line, place))
+        if len(cells) != width or (tail and cells[-1].strip()):
+            problems.append(_ragged(len(cells) - (tail and not cells[-1].strip()), width - tail, line, place))
         else:
             for index in range(width - tail):
                 try:
-                    values.append(_number(cells[index]))
+                    values.append(number(cells[index]))
                 except ValueError:
                     problems.append(_bad_cell(cells[index], index, line, place))
         if len(problems) >= MAX_LOCATED:
@@ -105,7 +106,7 @@ def _careful(body: bytes, delimiter: bytes, lines: npt.NDArray[np.int64], place:
     return Grid(tuple(np.ascontiguousarray(column) for column in matrix.T), lines)
 
 
-def _number(cell: bytes) -> float:
+def number(cell: bytes) -> float:
     """A cell as float; raises ValueError. Python's own `1_000` is not a number here."""
     text = cell.strip()
     if _NOT_FINITE.fullmatch(text):

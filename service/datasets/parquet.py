@@ -89,6 +89,12 @@ def read_parquet(
         raise DatasetError(f"not a readable Parquet file of runs: {error}") from error
 
 
+def is_ours(file: pq.ParquetFile) -> bool:
+    """Whether the file says that it is of this format (of any major version)."""
+    metadata = file.schema_arrow.metadata or {}
+    return _META_FORMAT in metadata
+
+
 def _schema(dataset: Dataset, present: list[str]) -> pa.Schema:
     fields = [pa.field(name, _TEXT_TYPE, nullable=False) for name in _TEXTS]
     fields += [pa.field(name, pa.float64(), nullable=False) for name in _SCENARIO]

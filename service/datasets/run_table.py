@@ -112,13 +112,21 @@ def _cell(text: str, name: str, line: int) -> tuple[float | None, Finding | None
         return no(Code.NOT_A_NUMBER, f"{text[:40]!r} is not a number")
     if not math.isfinite(value):
         return no(Code.NON_FINITE, f"{text[:40]!r} is not finite")
-    if name in SCENARIO_LIMITS:
-        lowest, highest, wrong_unit, factor = SCENARIO_LIMITS[name]
-        if value > highest and lowest <= value / factor <= highest:
-            return no(Code.UNITS, f"is {text}, which looks like {wrong_unit}; allowed is {lowest:g}..{highest:g}")
-        if not lowest <= value <= highest:
-            return no(Code.SCENARIO_RANGE, f"is {text}, allowed is {lowest:g}..{highest:g}")
-    return value, None
+    problem = scenario_fault(name, value, text) if name in SCENARIO_LIMITS else None
+    return no(*problem) if problem else (value, None)
+
+
+def scenario_fault(name: str, value: float, text: str | None = None) -> tuple[Code, str] | None:
+    """Why a scenario value cannot be, or None. `text` is how it was written."""
+    lowest, highest, wrong_unit, factor = SCENARIO_LIMITS[name]
+    text = f"{value:g}" if text is None else text
+    if not math.isfinite(value):
+        return Code.NON_FINITE, f"{text[:40]!r} is not finite"
+    if value > highest and lowest <= value / factor <= highest:
+        return Code.UNITS, f"is {text}, which looks like {wrong_unit}; allowed is {lowest:g}..{highest:g}"
+    if not lowest <= value <= highest:
+        return Code.SCENARIO_RANGE, f"is {text}, allowed is {lowest:g}..{highest:g}"
+    return None
 
 
 def unsafe_path(file: str) -> bool:

@@ -1,0 +1,52 @@
+"""Names from outside: which are safe to write, and how any is shown."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from pathlib import PurePosixPath
+
+_LONGEST_SHOWN = 160
+# what other systems read as something else: separators, drives, streams
+_FOREIGN = re.compile(r"\\|^[A-Za-z]:|^~")
+
+
+def printable(text: str) -> str:
+    """The text with escapes for what a terminal would obey or JSON cannot hold."""
+    if text.isprintable():
+        return text
+    return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)
+
+
+def shown(name: str) -> str:
+    """The name in printable characters, shortened: fit for a line of a terminal and for JSON."""
+    text = printable(name)
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
+
+def upload_name(filename: str) -> str:
+    """What a sender calls a file, without folders (of any system), as `shown`; "upload" if nothing is left."""
+    return shown(re.split(r"[/\\]", filename.strip())[-1].strip(". ")) or "upload"
+
+
+def name_fault(name: str, *, path_length: int, depth: int) -> str | None:
+    """Why a file of this name must not be written, or None when it may be."""
+    path = PurePosixPath(name)
+    if not name.strip() or not path.parts:
+        return "is empty"
+    if any(unicodedata.category(each) in {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"} for each in name):
+        return "has control characters or no valid text"
+    if len(name.encode()) > path_length or any(len(part.encode()) > 255 for part in path.parts):
+        return f"is longer than {path_length} bytes, or a part of it longer than 255"
+    if path.is_absolute() or _FOREIGN.search(name):
+        return "is absolute, has a drive letter or a backslash; write relative names with /"
+    if ".." in path.parts:
+        return "leads out of its folder"
+    if len(path.parts) > depth:
+        return f"is {len(path.parts)} folders deep, allowed are {depth}"
+    return None
+
+
+def folded(name: str) -> str:
+    """Equal for two names that some file system takes for one."""
+    return unicodedata.normalize("NFC", PurePosixPath(name).as_posix()).casefold()
