@@ -7,8 +7,6 @@ import os
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
-import torch
-
 CGROUP_ROOT = Path("/sys/fs/cgroup")
 CGROUP_MEMBERSHIP = Path("/proc/self/cgroup")
 _V1_FOLDERS = ("cpu", "cpu,cpuacct", "cpuacct,cpu")
@@ -25,10 +23,28 @@ def available_cpus(root: Path = CGROUP_ROOT, membership: Path = CGROUP_MEMBERSHI
 
 
 def limit_torch_threads(threads: int) -> None:
-    """Give every torch operation at most `threads` threads, and run no two operations of one graph at once."""
+    """Give every torch operation at most `threads` threads, and run no two operations of one graph at once.
+
+    Imports torch, which takes a second or two: for processes that need it anyway.
+    """
+    import torch  # noqa: PLC0415 - a service without networks does without
+
     torch.set_num_threads(threads)
     if torch.get_num_interop_threads() != 1:
         torch.set_num_interop_threads(1)  # torch allows this once, before the first parallel work
+
+
+def limit_compute_threads(threads: int) -> None:
+    """Give torch, and the linear algebra under numpy and scipy, this many threads: for what computes weights.
+
+    Their last bits depend on the number of threads: the same number is needed to get the same weights again.
+    """
+    import scipy.linalg  # noqa: F401, PLC0415 - only libraries that are loaded can be limited
+    import torch  # noqa: PLC0415
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - looks through every loaded library
+
+    torch.set_num_threads(threads)
+    threadpool_limits(threads, user_api="blas")
 
 
 def _folders(root: Path, membership: Path) -> Iterator[Path]:

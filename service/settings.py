@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationError
+import platformdirs
+from pydantic import AfterValidator, Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from model_store import parse_reference
@@ -81,10 +82,38 @@ class Settings(BaseSettings):
         default=100_000, description="Most points of one trajectory."
     )
     max_body_bytes: Annotated[int, Field(ge=1024, le=1 << 30)] = Field(
-        default=64 * 1024, description="Largest request body in bytes."
+        default=4 << 20, description="Largest request body in bytes; 100,000 times in JSON take up to 2.5 MB."
+    )
+    admin_token: Annotated[SecretStr, Field(min_length=16, max_length=1024)] | None = Field(
+        default=None,
+        description="Bearer token of the admin endpoints, at least 16 characters; unset, they are off.",
+    )
+    jobs_database_url: Annotated[str, Field(pattern=r"^(sqlite:///|postgresql(\+psycopg)?://).+")] | None = Field(
+        default=None,
+        description="Database of the training jobs, sqlite:///file or postgresql://...; "
+        "unset, a file inside a local store, else in the user's state folder.",
+    )
+    max_upload_bytes: Annotated[int, Field(ge=1024, le=1 << 40)] = Field(
+        default=1 << 30, description="Largest dataset upload in bytes, as sent."
+    )
+    max_queued_jobs: Annotated[int, Field(ge=1, le=10_000)] = Field(
+        default=16, description="Training jobs that may wait; the next one is turned away with a 429."
+    )
+    start_worker: bool = Field(
+        default=True, description="Whether serve starts and supervises a training worker; only with an admin token."
+    )
+    worker_threads: Annotated[int, Field(ge=1, le=1024)] = Field(
+        default=1, description="Threads of a training worker; it also yields the processor to predictions."
+    )
+    workers: Annotated[int, Field(ge=1, le=256)] = Field(
+        default=1,
+        description="Server processes that share the port, the metrics and the training worker; limits of waiting and "
+        "of connections are each one's own.",
     )
     threads: Annotated[int, Field(ge=1, le=1024)] | None = Field(
-        default=None, description="Threads for predictions; unset means as many as the CPU quota allows."
+        default=None,
+        description="Threads for predictions in each server process; unset means that together they are as many as the "
+        "CPU quota allows.",
     )
     max_waiting: Annotated[int, Field(ge=0, le=100_000)] = Field(
         default=256, description="Predictions that may wait for a thread; the next one is turned away with a 503."
@@ -104,6 +133,14 @@ class Settings(BaseSettings):
     shutdown_grace_s: Annotated[int, Field(ge=1, le=3600)] = Field(
         default=30, description="Seconds that running requests get to finish before they are cut off."
     )
+
+    def jobs_url(self) -> str:
+        """The SQLAlchemy URL of the jobs' database: the one that was set, else a file beside what it is about."""
+        if self.jobs_database_url:
+            return self.jobs_database_url
+        local = self.store_url.removeprefix("file://")
+        folder = platformdirs.user_state_path("rover-twin") if "://" in local else Path(local).absolute() / "jobs"
+        return f"sqlite:///{folder / 'jobs.sqlite'}"
 
 
 def load_settings(**overrides: Any) -> Settings:  # noqa: ANN401 - whatever the caller read from its command line

@@ -19,7 +19,7 @@ from service.cli.failures import UsageError
 from service.cli.file_progress import Report
 from service.datasets import Dataset, Run, dataset_id, read_folder, read_parquet
 from service.errors import DatasetError
-from service.jobs.dataset_import import PASSPORT_FILE, RUNS_FILE
+from service.jobs.stored_dataset import PASSPORT_FILE, RUNS_FILE
 
 # Our files have canonical headers, whatever the files looked like that a passport's own column map describes.
 _OUR_COLUMNS = "rover-twin"

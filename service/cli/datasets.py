@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="datasets",
-    help="Look at datasets of Chrono runs; validate, import and export folders of them.",
+    help="Look at datasets of Chrono runs; upload files, validate, import and export folders, delete.",
     no_args_is_help=True,
 )
 
@@ -155,6 +155,88 @@ def import_runs(
         return
     also = f", stored before as {record.name}" if record.name != name else ""
     print(f"dataset {record.id} ({name}{also}): {len(report.accepted)} runs, {len(report.rejected)} left out")
+
+
+@app.command("upload")
+def upload_file(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="A zip or tar with runs.csv and passport.json, a table with scenario columns (CSV or Parquet), or one "
+            "file of Chrono; each also packed by gzip, bzip2 or xz.",
+        ),
+    ],
+    name: Annotated[str | None, typer.Option(help="Name for people; without it, from the file's name.")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Read and validate, store nothing.")] = False,
+    slope_deg: Annotated[float | None, typer.Option(help="Slope of a file that does not say it.")] = None,
+    mass_kg: Annotated[float | None, typer.Option(help="Mass of the rover, where the file does not say it.")] = None,
+    torque_nm: Annotated[
+        float | None, typer.Option(help="Stall torque per wheel, where the file does not say.")
+    ] = None,
+    horizon_s: Annotated[float | None, typer.Option(help="How long the run was meant to last.")] = None,
+    set_name: Annotated[str | None, typer.Option("--set", help="Set of the runs that do not name theirs.")] = None,
+    passport: Annotated[
+        Path | None, typer.Option(help="A passport.json that says what was simulated; wins over one in the file.")
+    ] = None,
+    strict: Strict = False,
+    column_map: Columns = None,
+    description: Annotated[str, typer.Option(help="A sentence for people, kept with the dataset.")] = "",
+    actor: options.Actor = None,
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Store a file of Chrono runs as a dataset, as an upload to the service does.
+
+    Its id is a digest of passport and runs: the same runs are the same dataset, in whatever kind of file they come.
+
+    Examples:
+      rover-twin datasets upload my-runs.zip --name my-runs
+      rover-twin datasets upload my-runs.zip --dry-run
+      rover-twin datasets upload one.dat --slope-deg 20 --mass-kg 430 --torque-nm 60 --column-map vehicle-python
+    """
+    from service.cli.dataset_upload import Upload, upload
+
+    fields = {"name": name, "set_name": set_name, "column_map": read_column_map(column_map), "passport": passport}
+    scenario = {"slope_deg": slope_deg, "mass_kg": mass_kg, "torque_nm": torque_nm, "horizon_s": horizon_s}
+    told = Upload(file, {**fields, **scenario, "strict": strict, "description": description}, dry_run)
+    with file_progress("reading") as progress:
+        result = upload(told, open_store(store, create=not dry_run), options.actor_name(actor), progress)
+    for finding in result.report.findings:
+        note(f"{'left out' if finding.rejects else 'note'}: {finding}")
+    if json:
+        print_json(
+            {
+                "id": result.dataset_id,
+                "created": result.created,
+                "dry_run": dry_run,
+                "dataset": result.record.model_dump(mode="json") if result.record else None,
+                "report": result.report.as_json(),
+            }
+        )
+        return
+    runs = f"{len(result.report.accepted)} runs, {len(result.report.rejected)} left out"
+    known = f", stored before as {result.record.name}" if result.record and not result.created else ""
+    print(f"dataset {result.dataset_id}{known}: {runs}{', nothing stored' if dry_run else ''}")
+
+
+@app.command("delete")
+def delete_dataset(dataset: Identity, store: options.Store = None, json: options.Json = False) -> None:
+    """Delete a dataset. Refused (exit code 4) while a model version was trained on it.
+
+    Example:
+      rover-twin datasets delete my-runs --store my-store
+    """
+    opened = open_store(store)
+    record = opened.dataset(dataset)
+    users = opened.datasets_in_use().get(record.id, [])
+    if users:
+        raise RefusedError(f"dataset {record.name} ({record.id[:12]}) is kept: {', '.join(users)} was trained on it")
+    opened.delete_dataset(record.id)
+    if json:
+        print_json({"deleted": record.id})
+    else:
+        print(f"deleted dataset {record.id} ({record.name})")
 
 
 @app.command("export")

@@ -8,7 +8,7 @@ from enum import IntEnum
 import typer
 from pydantic import ValidationError
 
-from service.errors import InvalidValueError, RoverTwinError
+from service.errors import IdempotencyKeyError, InvalidValueError, JobNotFoundError, JobStateError, RoverTwinError
 
 
 class ExitCode(IntEnum):
@@ -23,8 +23,9 @@ class ExitCode(IntEnum):
 
 
 EXIT_CODES_HELP = (
-    "Exit codes: 0 done; 1 failed; 2 wrong usage or a value that is not allowed; 3 a model, version, alias or dataset "
-    "is not there; 4 refused by a check (outside the domain with --strict, dataset rejected); 130 interrupted."
+    "Exit codes: 0 done; 1 failed; 2 wrong usage or a value that is not allowed; 3 a model, version, alias, dataset or "
+    "job is not there; 4 refused by a check (outside the domain with --strict, dataset rejected) or by the state of a "
+    "job (cancelled, ended); 130 interrupted."
 )
 
 
@@ -63,16 +64,19 @@ def failure_of(error: Exception) -> Failure:
     return Failure(_one_line(text), ExitCode.FAILED)
 
 
+_WRONG_USAGE = (UsageError, InvalidValueError, IdempotencyKeyError)
+
+
 def _code_of(error: Exception) -> ExitCode | None:
     """The exit code of an error that our own code raises on purpose, else None."""
     from model_store import InvalidDraftError, InvalidReferenceError, NotFoundError, StoreError
     from service.settings import SettingsError
 
-    if isinstance(error, NotFoundError):
+    if isinstance(error, (NotFoundError, JobNotFoundError)):
         return ExitCode.NOT_FOUND
-    if isinstance(error, RefusedError):
+    if isinstance(error, (RefusedError, JobStateError)):
         return ExitCode.REFUSED
-    if isinstance(error, (UsageError, InvalidValueError, InvalidReferenceError, InvalidDraftError, SettingsError)):
+    if isinstance(error, (*_WRONG_USAGE, InvalidReferenceError, InvalidDraftError, SettingsError)):
         return ExitCode.USAGE
     return ExitCode.FAILED if isinstance(error, (RoverTwinError, StoreError)) else None
 

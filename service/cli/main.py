@@ -12,7 +12,20 @@ import typer
 from typer.main import get_command
 
 import service
-from service.cli import datasets, evaluate, mobility, models, openapi, predict, reproduce, serve, suggest_runs, train
+from service.cli import (
+    datasets,
+    evaluate,
+    jobs,
+    mobility,
+    models,
+    openapi,
+    predict,
+    reproduce,
+    serve,
+    suggest_runs,
+    train,
+    worker,
+)
 from service.cli.failures import EXIT_CODES_HELP, ExitCode, failure_of
 from service.cli.output import note
 
@@ -58,11 +71,13 @@ app.command("serve")(serve.serve)
 app.command("predict")(predict.predict)
 app.command("mobility")(mobility.mobility)
 app.command("train")(train.train)
+app.command("worker")(worker.worker)
 app.command("evaluate")(evaluate.evaluate)
 app.command("reproduce")(reproduce.reproduce)
 app.command("suggest-runs")(suggest_runs.suggest_runs)
 app.add_typer(models.app)
 app.add_typer(datasets.app)
+app.add_typer(jobs.app)
 app.command("openapi")(openapi.openapi)
 
 

@@ -6,8 +6,19 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from rich.console import RenderableType
+from rich.table import Table
 
-from model_store import AliasNotFoundError, Manifest, ModelStore, StoreError, parse_reference
+from model_store import (
+    WEIGHTS,
+    AliasNotFoundError,
+    CorruptArtefactError,
+    Manifest,
+    ModelStore,
+    NotFoundError,
+    StoreError,
+    UnsupportedFormatError,
+    parse_reference,
+)
 from service.cli.error_tables import error_table
 from service.cli.output import make_table, titled
 
@@ -63,9 +74,24 @@ def _damage(store: ModelStore, name: str, version: int) -> str | None:
     return None
 
 
-def describe(manifest: Manifest) -> Iterator[RenderableType]:
-    """The parts of a manifest that people ask for first; `--json` has all of it."""
+def dataset_names(store: ModelStore, manifest: Manifest) -> dict[str, str]:
+    """What each dataset of a version's lineage is called, or why that cannot be said."""
+    names = {}
+    for dataset in manifest.lineage.datasets:
+        try:
+            names[dataset] = store.dataset(dataset).name
+        except NotFoundError:
+            names[dataset] = "no longer in the store"
+        except (CorruptArtefactError, UnsupportedFormatError):
+            names[dataset] = "its record is damaged"
+    return names
+
+
+def describe(manifest: Manifest, datasets: Mapping[str, str]) -> Iterator[RenderableType]:
+    """The parts of a manifest that people ask for first; `--json` has all of it. `datasets` maps ids to names."""
     yield _facts(manifest)
+    yield ""
+    yield _lineage(manifest, datasets)
     yield ""
     yield _domain(manifest.domain)
     for key, title in (("test", "test runs, never seen in training"), ("train", "runs it was trained on")):
@@ -77,7 +103,7 @@ def describe(manifest: Manifest) -> Iterator[RenderableType]:
 
 
 def _facts(manifest: Manifest) -> RenderableType:
-    checkpoint, lineage = manifest.checkpoint, manifest.lineage
+    checkpoint = manifest.checkpoint
     table = make_table("version", f"{manifest.name}@{manifest.version}", left=2)
     facts = {
         "description": manifest.description,
@@ -85,16 +111,49 @@ def _facts(manifest: Manifest) -> RenderableType:
         "prior": _name_in(checkpoint.get("prior")),
         "architecture": _name_in(checkpoint.get("architecture")),
         "inputs": _names_in(checkpoint.get("inputs")),
-        "datasets": ", ".join(lineage.datasets),
+        "files": ", ".join(f"{path} ({entry.size_bytes} bytes)" for path, entry in manifest.files.items()),
+    }
+    _add_rows(table, facts)
+    return table
+
+
+def _lineage(manifest: Manifest, datasets: Mapping[str, str]) -> RenderableType:
+    lineage = manifest.lineage
+    split = lineage.split if isinstance(lineage.split, dict) else {}
+    counts = [f"{len(runs)} to {part} on" for part, runs in split.items() if isinstance(runs, list)]
+    table = make_table("", "", left=2)
+    _add_rows(table, {"job": lineage.job or "none: not trained by a job"})
+    for number, (dataset, name) in enumerate(datasets.items()):
+        table.add_row("" if number else "datasets", f"{dataset} ({name})")
+    facts = {
+        "runs": ", ".join([*counts, str(split.get("validation", ""))]).strip(", "),
         "seed": lineage.seed,
+        "config": _config_words(lineage.config),
         "code": lineage.code_version,
         "libraries": ", ".join(f"{name} {version}" for name, version in lineage.libraries.items()),
         "command": lineage.command,
-        "files": ", ".join(f"{path} ({entry.size_bytes} bytes)" for path, entry in manifest.files.items()),
+        "weights sha256": manifest.files[WEIGHTS].sha256 if WEIGHTS in manifest.files else None,
+        "made again by": f"rover-twin train --like {manifest.name}@{manifest.version} --no-publish",
     }
+    _add_rows(table, facts)
+    return titled("lineage: what it was made from", table)
+
+
+def _config_words(config: Mapping[str, Any]) -> str:
+    # what has a line of its own is left out
+    shown = {name: value for name, value in config.items() if name not in ("model", "datasets", "description", "fit")}
+    fit = config.get("fit")
+    shown |= fit if isinstance(fit, dict) else {}
+    return ", ".join(f"{name} {_plain(value)}" for name, value in shown.items() if value not in (None, "", []))
+
+
+def _plain(value: object) -> str:
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)
+
+
+def _add_rows(table: Table, facts: Mapping[str, object]) -> None:
     for what, value in facts.items():
         table.add_row(what, "-" if value in (None, "") else str(value))
-    return table
 
 
 def _domain(domain: Mapping[str, Any]) -> RenderableType:

@@ -66,13 +66,44 @@ def show_version(
       rover-twin models show viper-lunar
       rover-twin models show viper-lunar@1 --json
     """
-    from service.cli.model_listing import describe, find_version
+    from service.cli.model_listing import dataset_names, describe, find_version
 
-    manifest = find_version(open_store(store), reference)
+    opened = open_store(store)
+    manifest = find_version(opened, reference)
     if json:
         print_json(manifest.model_dump(mode="json"))
         return
-    for part in describe(manifest):
+    for part in describe(manifest, dataset_names(opened, manifest)):
+        print_answer(part)
+
+
+@app.command("compare")
+def compare_two(
+    candidate: Annotated[str, typer.Argument(metavar="A", help="NAME[@VERSION|@ALIAS] to be judged.")],
+    against: Annotated[
+        str | None, typer.Argument(metavar="[B]", help="What to judge it beside. Default: the champion of its model.")
+    ] = None,
+    margin: Annotated[
+        float | None, typer.Option(help="How much smaller A's errors must be, as a share, 0 to 0.5. Default: 0.05.")
+    ] = None,
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Say whether A is better than B, on left-out runs: the gate that training jobs pass.
+
+    The exit code is 0 whatever the verdict; --json has it as "verdict" and "promote".
+
+    Examples:
+      rover-twin models compare my-rover@candidate
+      rover-twin models compare viper-lunar@2 viper-lunar@1 --json
+    """
+    from service.cli.model_comparison import compare_references, describe_comparison
+
+    compared = compare_references(open_store(store), candidate, against, margin)
+    if json:
+        print_json(compared.describe())
+        return
+    for part in describe_comparison(compared):
         print_answer(part)
 
 

@@ -32,6 +32,14 @@ Datasets = Annotated[
     typer.Option("--dataset", metavar="ID", help="Id, unique start of an id, or name of a dataset. Repeatable."),
 ]
 
+OptionalDatasets = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--dataset", metavar="ID", help="Id, unique start of an id, or name of a dataset. Repeatable.",
+        show_default=False,
+    ),
+]  # fmt: skip
+
 
 def actor_name(given: str | None) -> str:
     """The name that goes on record: as given, else the login name."""

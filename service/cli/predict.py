@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,7 +13,7 @@ from service.cli.failures import UsageError
 from service.cli.output import note
 from service.cli.store_access import open_store
 
-FormatName = Literal["table", "csv", "json"]
+FormatName = Literal["table", "json", "csv", "npz", "arrow", "usda", "svg", "png"]
 
 
 def predict(
@@ -48,7 +49,12 @@ def predict(
         bool, typer.Option("--strict", help="Refuse a scenario outside the model's domain: exit code 4.")
     ] = False,
     form: Annotated[
-        FormatName, typer.Option("--format", help="A table for people, or what the API answers.")
+        FormatName,
+        typer.Option(
+            "--format",
+            help="A table for people, or what the API answers: text, NumPy archive, Arrow stream, USD layer or plot. "
+            "npz, arrow and png are no text: they go to a file or a pipe.",
+        ),
     ] = "table",
     json: options.Json = False,
     output: Annotated[
@@ -66,13 +72,19 @@ def predict(
       rover-twin predict --slope-deg 28 --mass-kg 430 --torque-nm 60 --dt-s 0.001 --include prior \
         --format csv --output run.csv
 
+    A plot of the trajectory with its band:
+      rover-twin predict --slope-deg 28 --mass-kg 430 --torque-nm 60 --include band --format svg --output run.svg
+
     The final position in a script, refusing to extrapolate:
       rover-twin predict --slope-deg 28 --mass-kg 430 --torque-nm 60 --strict --json | jq .summary.final_x_m
     """
-    if json and form == "csv":
-        raise UsageError("--json and --format csv ask for two answers; leave one out")
-    from service.cli.prediction import Question, answer
+    if json and form not in ("table", "json"):
+        raise UsageError(f"--json and --format {form} ask for two answers; leave one out")
+    from service.cli.prediction import Question, answer, is_text
 
+    chosen = "json" if json else form
+    if output is None and not is_text(chosen) and sys.stdout.isatty():
+        raise UsageError(f"--format {chosen} is no text for a terminal; write it with --output FILE or pipe it")
     inputs: dict[str, object] = {
         "slope_deg": slope_deg,
         "mass_kg": mass_kg,
@@ -86,9 +98,12 @@ def predict(
     }
     if model is not None:
         inputs["model"] = model
-    text = answer(open_store(store), Question(inputs, "json" if json else form))
-    if output is None:
-        print(text, end="")
-        return
-    output.write_text(text, encoding="utf-8")
-    note(f"wrote {output}")
+    content = answer(open_store(store), Question(inputs, chosen))
+    if output is not None:
+        output.write_bytes(content)
+        note(f"wrote {output}")
+    elif is_text(chosen):
+        print(content.decode(), end="")
+    else:
+        sys.stdout.buffer.write(content)
+        sys.stdout.buffer.flush()

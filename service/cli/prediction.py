@@ -19,29 +19,37 @@ from service.cli.failures import RefusedError, UsageError
 from service.cli.output import make_table
 from service.cli.threads import use_threads
 from service.settings import load_settings
-from service.twin import Scenario, TwinRegistry, sample_times
+from service.twin import TwinRegistry
 
 _SHOWN_ROWS = 11
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """The fields of a prediction as the user gave them, and the form of the answer: table, csv or json."""
+    """The fields of a prediction as the user gave them, and the form of the answer: table, or the name of a
+    `Format`.
+    """
 
     inputs: Mapping[str, Any]
     form: str
 
 
-def answer(store: ModelStore, question: Question) -> str:
-    """The answer as text that ends with a line feed.
+def is_text(form: str) -> bool:
+    """Whether this form can be read on a terminal."""
+    return form == "table" or ENCODERS[Format(form)].text
+
+
+def answer(store: ModelStore, question: Question) -> bytes:
+    """The answer; text is UTF-8 and ends with a line feed.
 
     Raises UsageError or InvalidValueError for inputs that the API would refuse too, RefusedError for a strict question
     outside the domain, and what loading a twin raises.
     """
     subject = _predict(store, _checked(question.inputs))
     if question.form == "table":
-        return _table(subject)
-    return ENCODERS[Format(question.form)].encode(subject).decode().rstrip("\n") + "\n"
+        return _table(subject).encode()
+    content = ENCODERS[Format(question.form)].encode(subject)
+    return content.rstrip(b"\n") + b"\n" if is_text(question.form) else content
 
 
 def _checked(inputs: Mapping[str, Any]) -> PredictionInputs:
@@ -58,8 +66,7 @@ def _predict(store: ModelStore, inputs: PredictionInputs) -> Subject:
     require_few_points(inputs, settings.max_points)
     use_threads()
     loaded = TwinRegistry(store, settings.default_model).get(inputs.model)
-    scenario = Scenario(inputs.slope_deg, inputs.mass_kg, inputs.torque_nm, inputs.horizon_s)
-    times = sample_times(inputs.horizon_s, inputs.dt_s)
+    scenario, times = inputs.sampled()
     prediction = loaded.twin.predict(scenario, times, inputs.frame, inputs.wanted_band_level)
     if inputs.strict and not prediction.domain.inside:
         reasons = "; ".join(reason.detail for reason in prediction.domain.reasons)

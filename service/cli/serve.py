@@ -27,9 +27,18 @@ def serve(
             show_default=False,
         ),
     ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            help="Server processes that share the port. Default: ROVER_TWIN_WORKERS, else 1.", show_default=False
+        ),
+    ] = None,
     threads: Annotated[
         int | None,
-        typer.Option(help="Threads for predictions. Default: as many as the CPU quota allows.", show_default=False),
+        typer.Option(
+            help="Threads for predictions in each process. Default: together as many as the CPU quota allows.",
+            show_default=False,
+        ),
     ] = None,
     log_level: Annotated[
         Literal["debug", "info", "warning", "error"] | None,
@@ -46,12 +55,21 @@ def serve(
 
     Your own model for the whole network:
       rover-twin serve --host 0.0.0.0 --store my-store --model my-rover@champion
+
+    All of a machine with four processors:
+      rover-twin serve --workers 4
     """
     from service.app import run_server
     from service.settings import load_settings
 
     settings = load_settings(
-        host=host, port=port, default_model=model, threads=threads, log_level=log_level, store_url=store
+        host=host,
+        port=port,
+        default_model=model,
+        workers=workers,
+        threads=threads,
+        log_level=log_level,
+        store_url=store,
     )
     try:
         run_server(settings)

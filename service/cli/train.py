@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
@@ -16,6 +16,8 @@ from service.jobs.training_config import ArchitectureName, InputName, PriorName,
 from service.learning.fit_config import FitConfig
 
 if TYPE_CHECKING:
+    from model_store import Manifest
+    from service.cli.retraining import Likeness
     from service.cli.training import TrainingResult
 
 _DEFAULTS = {name: field.default for name, field in TrainingConfig.model_fields.items()}
@@ -25,8 +27,20 @@ _RUNNING = "Running and publishing"
 
 
 def train(
-    model: Annotated[str, typer.Option(help="Name of the model that gets a new version: a-z, 0-9 and -.")],
-    datasets: options.Datasets,
+    context: typer.Context,
+    model: Annotated[
+        str | None, typer.Option(help="Name of the model that gets a new version: a-z, 0-9 and -.", show_default=False)
+    ] = None,
+    datasets: options.OptionalDatasets = None,
+    like: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME@VERSION",
+            help="Train as this version was trained, on the very same datasets; other options given here take "
+            "precedence. Says whether the same weights came out.",
+            show_default=False,
+        ),
+    ] = None,
     prior: Annotated[PriorName, typer.Option(help="Closed-form part.")] = _DEFAULTS["prior"],
     architecture: Annotated[ArchitectureName, typer.Option(help="Learned part; zero is the prior alone.")] = _DEFAULTS[
         "architecture"
@@ -110,57 +124,94 @@ def train(
     Long training that may be interrupted; run the same line again to go on:
       rover-twin train --dataset paper --dataset mass --model my-rover --test-fraction 0.2 --state fit.state
 
+    Make a version again without publishing it, to see that its weights can be had again:
+      rover-twin train --like viper-lunar@2 --no-publish
+
     The prior and the form of the correction that the paper used:
       rover-twin train --dataset paper --model paper-rover --prior rigid_slope --x-form position \
         --input time_s --input slope_deg --test-slope-deg 28
     """
     if promote is not None and not publish:
         raise UsageError(f"--promote {promote} needs the version to be published: leave --no-publish out")
-    if inputs[0] != "time_s" or len(set(inputs)) < len(inputs):
-        raise UsageError(f"--input is {', '.join(inputs)}, allowed is time_s first and each one once")
-    config = TrainingConfig.model_validate(
-        {
-            "model": model,
-            "datasets": datasets,
-            "prior": prior,
-            "architecture": architecture,
-            "inputs": inputs,
-            "x_form": x_form,
-            "test_slopes_deg": test_slopes_deg or [],
-            "test_fraction": test_fraction,
-            "description": description,
-            "fit": FitConfig(
-                seed=seed,
-                epochs=epochs,
-                batch_rows=batch_rows,
-                rows_per_epoch=rows_per_epoch,
-                learning_rate=learning_rate,
-                final_learning_rate=final_learning_rate,
-                warm_up_epochs=warm_up_epochs,
-                average_decay=average_decay,
-                patience_epochs=patience_epochs,
-                validation_rows=validation_rows,
-            ),
-        }
-    )
-    check_names(model, promote)
+    chosen: dict[str, Any] = {
+        "model": model,
+        "datasets": datasets,
+        "prior": prior,
+        "architecture": architecture,
+        "inputs": inputs,
+        "x_form": x_form,
+        "test_slopes_deg": test_slopes_deg or [],
+        "test_fraction": test_fraction,
+        "description": description,
+        "fit": {
+            "seed": seed,
+            "epochs": epochs,
+            "batch_rows": batch_rows,
+            "rows_per_epoch": rows_per_epoch,
+            "learning_rate": learning_rate,
+            "final_learning_rate": final_learning_rate,
+            "warm_up_epochs": warm_up_epochs,
+            "average_decay": average_decay,
+            "patience_epochs": patience_epochs,
+            "validation_rows": validation_rows,
+        },
+    }
+    original = None if like is None else _find_original(store, like)
+    config = _make_config(chosen, original, context)
+    check_names(config.model, promote)
+    from service.cli.retraining import likeness
     from service.cli.threads import use_threads
     from service.cli.training import Publication, run_training
 
-    use_threads(threads)
+    use_threads(original.lineage.threads if threads is None and original is not None else threads)
     publication = Publication(options.actor_name(actor), promote) if publish else None
-    _show(run_training(open_store(store, create=publish), config, publication, state), json)
+    result = run_training(open_store(store, create=publish), config, publication, state)
+    _show(result, None if original is None else likeness(original, config, result.weights_sha256), json)
 
 
-def _show(result: TrainingResult, json: bool) -> None:
+def _find_original(store: str | None, reference: str) -> Manifest:
+    from service.cli.model_listing import find_version
+
+    return find_version(open_store(store), reference)
+
+
+def _make_config(chosen: dict[str, Any], original: Manifest | None, context: typer.Context) -> TrainingConfig:
+    """The config of the options alone, or of a published version with the options that were typed over it."""
+    if original is not None:
+        from service.cli.retraining import config_like
+
+        typed = {name for name in context.params if _is_typed(context, name)}
+        changed = {name: chosen[name] for name in chosen.keys() & typed}
+        config = config_like(
+            original, changed | {"fit": {name: chosen["fit"][name] for name in chosen["fit"].keys() & typed}}
+        )
+    else:
+        for option, value in (("--model", chosen["model"]), ("--dataset", chosen["datasets"])):
+            if not value:
+                raise UsageError(f"{option} is missing; give it, or --like NAME@VERSION")
+        config = TrainingConfig.model_validate(chosen | {"fit": FitConfig(**chosen["fit"])})
+    inputs = config.inputs
+    if inputs[0] != "time_s" or len(set(inputs)) < len(inputs):
+        raise UsageError(f"--input is {', '.join(inputs)}, allowed is time_s first and each one once")
+    return config
+
+
+def _is_typed(context: typer.Context, name: str) -> bool:
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"
+
+
+def _show(result: TrainingResult, like: Likeness | None, json: bool) -> None:
     if json:
-        print_json(result.as_json())
+        print_json(result.as_json() | ({} if like is None else {"like": like.as_json()}))
         return
     fit = result.trained.outcome
     ended = "stopped early" if fit.stopped_early else "all epochs"
     note(f"best epoch {fit.best_epoch} of {fit.epochs} ({ended}) in {fit.elapsed_s:.1f} s on {fit.device}")
     print_answer(error_table(*result.judged_by()))
     print(f"weights sha256 {result.weights_sha256}")
+    if like is not None:
+        print(like.sentence())
     if result.manifest is not None:
         print(f"published {result.manifest.name}@{result.manifest.version}")
     if result.promoted is not None:

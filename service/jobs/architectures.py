@@ -14,35 +14,53 @@ from service.jobs.training_config import TrainingConfig
 from service.jobs.training_data import TrainingData
 from service.learning.fit import EpochCallback, FitOutcome, fit
 from service.learning.fit_state import FitState
+from service.learning.held_out import left_out_slopes
 from service.learning.inputs import InputSignature
-from service.learning.model import PhysicsInformedModel, TrajectoryModel
+from service.learning.model import PhysicsInformedModel
 from service.learning.observed import ObservedRun, scenarios_of
 from service.learning.residuals import make_residual
 from service.learning.resistance.fit import fit_resistance_process
 from service.learning.rows import Rows, rows_of
 from service.learning.split import training_samples, validation_samples
+from service.learning.trajectory_model import TrajectoryModel
 from service.physics.prior import Prior
 from service.physics.scenario import Positions
 
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """A fitted model. `left_out` holds, by run, what the model says of it when that very run is left out of the fit;
-    it is empty for architectures where that would mean fitting once for each run.
+    """A fitted model. `left_out` holds, by run, what the model says of it when that very run is left out of the fit,
+    and `left_out_slopes` what it says when fitted to nothing but the other slopes of that run's series (see
+    `service.learning.held_out`). Both are empty for architectures where that would mean fitting once for each run.
     """
 
     model: TrajectoryModel
     outcome: FitOutcome
     left_out: Mapping[str, Positions]
+    left_out_slopes: Mapping[str, Positions]
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkRows:
+    """What a network is fitted to. Costs seconds for many samples, so those who fit in pieces keep it."""
+
+    signature: InputSignature
+    train: Rows
+    validation: Rows
 
 
 @dataclass(frozen=True, slots=True)
 class Callbacks:
-    """How a fit tells where it stands, and from where it goes on."""
+    """How a fit tells where it stands, and from where it goes on; `rows` are those of an earlier piece of it.
+
+    `check` is called every second or so of a fit without epochs, and may raise to stop it.
+    """
 
     announce: Callable[[str], None]
     on_epoch: EpochCallback | None = None
     resume: FitState | None = None
+    rows: NetworkRows | None = None
+    check: Callable[[], None] = lambda: None
 
 
 def fit_architecture(
@@ -52,23 +70,31 @@ def fit_architecture(
     return _FITS[config.architecture](config, runs, data, prior, callbacks)
 
 
+def network_rows(config: TrainingConfig, runs: Sequence[ObservedRun], data: TrainingData, prior: Prior) -> NetworkRows:
+    """The rows and inputs of a network for these runs."""
+    horizon = max(run.horizon_s for run in runs)
+    signature = InputSignature.fitted(config.inputs, scenarios_of(runs), horizon, data.rover, data.regolith)
+    return NetworkRows(
+        signature,
+        rows_of([training_samples(run) for run in runs], prior, signature),
+        rows_of([validation_samples(run) for run in runs], prior, signature),
+    )
+
+
 def _fit_network(
     config: TrainingConfig, runs: Sequence[ObservedRun], data: TrainingData, prior: Prior, callbacks: Callbacks
 ) -> Fitted:
-    horizon = max(run.horizon_s for run in runs)
-    signature = InputSignature.fitted(config.inputs, scenarios_of(runs), horizon, data.rover, data.regolith)
-    train_rows = rows_of([training_samples(run) for run in runs], prior, signature)
-    validation_rows = rows_of([validation_samples(run) for run in runs], prior, signature)
-    model = _fresh_network(config, prior, signature, train_rows)
+    rows = callbacks.rows or network_rows(config, runs, data, prior)
+    model = _fresh_network(config, prior, rows.signature, rows.train)
     outcome = fit(
         model.residual,
-        train_rows,
-        validation_rows,
+        rows.train,
+        rows.validation,
         config.fit,
         on_epoch=callbacks.on_epoch,
         resume=callbacks.resume,
     )
-    return Fitted(model, outcome, {})
+    return Fitted(model, outcome, {}, {})
 
 
 def _fresh_network(config: TrainingConfig, prior: Prior, signature: InputSignature, rows: Rows) -> PhysicsInformedModel:
@@ -86,13 +112,21 @@ def _fit_resistance(
 ) -> Fitted:
     """Solved in one go: there are no epochs, and the validation loss is that of the left-out runs."""
     started = time.monotonic()
-    fitted = fit_resistance_process(runs, data.rover, data.regolith, prior, progress=callbacks.announce)
+    fitted = fit_resistance_process(
+        runs, data.rover, data.regolith, prior, progress=callbacks.announce, check=callbacks.check
+    )
     squares = [
         np.mean((fitted.left_out[run.name].x_m[0] - run.x_m) ** 2 + (fitted.left_out[run.name].y_m[0] - run.y_m) ** 2)
         for run in runs
     ]
+
+    def leave_one_out(series: Sequence[ObservedRun]) -> Mapping[str, Positions]:
+        callbacks.announce(f"leaving out one slope at a time of {len(series)} with the same mass and torque")
+        return fit_resistance_process(series, data.rover, data.regolith, prior).left_out
+
+    slopes = left_out_slopes(runs, leave_one_out)
     outcome = FitOutcome(0, 0, float(np.mean(squares)), False, time.monotonic() - started, "cpu")
-    return Fitted(fitted.model, outcome, fitted.left_out)
+    return Fitted(fitted.model, outcome, fitted.left_out, slopes)
 
 
 _FITS: dict[str, Callable[[TrainingConfig, Sequence[ObservedRun], TrainingData, Prior, Callbacks], Fitted]] = {

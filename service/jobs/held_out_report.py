@@ -48,15 +48,17 @@ def held_out_report(
     curves: Sequence[ErrorCurve],
     rover: RoverParameters,
     regolith: RegolithParameters,
+    slopes: Sequence[RunEvaluation] = (),
 ) -> dict[str, bytes]:
     """Files of the report by their path in a version. The same input gives the same bytes.
 
+    `slopes` are runs predicted from the other slopes of their own series; without any that section is missing.
     Raises ValueError without runs.
     """
     if not evaluations:
         raise ValueError("a report on left-out runs needs at least one run")
     return {
-        "report/held_out.md": _page(evaluations).encode(),
+        "report/held_out.md": (_page(evaluations) + _slopes_section(slopes)).encode(),
         "report/held_out_errors.svg": as_svg(errors_figure(evaluations, rover, regolith)),
         "report/held_out_time.svg": as_svg(time_figure(evaluations, curves)),
     }
@@ -90,6 +92,30 @@ def _page(evaluations: Sequence[RunEvaluation]) -> str:
     return _PAGE.format(
         table=_markdown(_COLUMNS, rows, left=2), count=len(worst), worst=_markdown(worst_columns, worst_rows, left=1)
     )
+
+
+def _slopes_section(evaluations: Sequence[RunEvaluation]) -> str:
+    if not evaluations:
+        return ""
+    series: dict[tuple[str, float, float], list[RunEvaluation]] = {}
+    for run in evaluations:
+        series.setdefault((run.set_name, run.mass_kg, run.torque_nm), []).append(run)
+    rows = [row for runs in series.values() for row in _slope_rows(sorted(runs, key=lambda run: run.slope_deg))]
+    columns = ("set", "mass, kg", "torque, N m", "slope, °", "ends at x, m", "final", "max.")
+    return _SLOPES.format(table=_markdown(columns, rows, left=1))
+
+
+def _slope_rows(runs: Sequence[RunEvaluation]) -> Iterator[tuple[str, ...]]:
+    """Of one series by slope: each run, then median and 90th percentile over those that have slopes on both sides."""
+    same = runs[0].set_name, f"{runs[0].mass_kg:g}", f"{runs[0].torque_nm:g}"
+    inner = runs[1:-1]
+    for at, run in enumerate(runs):
+        mark = "" if 0 < at < len(runs) - 1 else ", extrapolated"
+        errors = _cm(run.model.final_m), _cm(run.model.maximum_m)
+        yield *same, f"{run.slope_deg:g}{mark}", f"{run.final_x_m:.3f}", *errors
+    for words, level in (("median", 0.5), ("90th percentile", 0.9)) if inner else ():
+        values = ([run.model.final_m for run in inner], [run.model.maximum_m for run in inner])
+        yield *same, f"{words} of {len(inner)} inner", "", *(_cm(float(np.quantile(each, level))) for each in values)
 
 
 def _groups(evaluations: Sequence[RunEvaluation]) -> Iterator[tuple[tuple[str, str], list[RunEvaluation]]]:
@@ -203,4 +229,13 @@ along the slope, or over {100 * _SMALLEST_DISTANCE_M:g} cm where that is less.
 ## The {{count}} runs with the largest relative errors
 
 {{worst}}
+"""
+
+_SLOPES = """
+## One slope left out of its series
+
+A series is the runs of one set with the same mass and torque. Each run was predicted from the other slopes of its own
+series, and no other run. The ends of a series are extrapolated; median and 90th percentile are over the others.
+
+{table}
 """

@@ -9,11 +9,13 @@ from pathlib import Path
 
 import service
 
-_LIBRARIES = ("torch", "numpy", "safetensors", "pyarrow", "pydantic", "obstore")
+_LIBRARIES = (
+    "torch", "numpy", "scipy", "safetensors", "pyarrow", "pydantic", "obstore", "matplotlib", "dbos", "sqlalchemy",
+)  # fmt: skip
 
 
 def library_versions() -> dict[str, str]:
-    """Versions of the libraries that numbers depend on, and of Python."""
+    """Versions of Python and of the libraries that read, compute, draw, store and order the steps of a training."""
     return {"python": platform.python_version()} | {name: metadata.version(name) for name in _LIBRARIES}
 
 

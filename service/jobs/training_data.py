@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from model_store import DatasetRecord, ModelStore
-from service.datasets import Dataset, Passport, Run, read_parquet
+from service.datasets import Passport, Run, read_parquet
 from service.errors import TrainingError
-from service.jobs.dataset_import import RUNS_FILE
+from service.jobs.stored_dataset import RUNS_FILE
 from service.learning.observed import ObservedRun
 from service.physics.parameters import LUNAR_REGOLITH, VIPER, RegolithParameters, RoverParameters
 from service.physics.scenario import Scenarios
@@ -45,9 +45,23 @@ def load_training_data(store: ModelStore, references: Sequence[str]) -> Training
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise TrainingError(f"runs are in more than one of the datasets: {', '.join(repeated[:5])}")
-    rover, regolith = _shared(datasets)
+    require_same_simulation([(dataset.name, dataset.passport) for dataset in datasets])
     passport = datasets[0].passport
-    return TrainingData(tuple(records), runs, rover, regolith, passport.reference_body, passport.frame)
+    parameters = rover_of(passport), regolith_of(passport)
+    return TrainingData(tuple(records), runs, *parameters, passport.reference_body, passport.frame)
+
+
+def require_same_simulation(passports: Sequence[tuple[str, Passport]]) -> None:
+    """Raises TrainingError naming the datasets, given as (name, passport), that no one model can be trained on."""
+    first_name, first = passports[0]
+    for other_name, other in passports[1:]:
+        for what, one, two in (
+            ("rover", rover_of(first), rover_of(other)),
+            ("regolith", regolith_of(first), regolith_of(other)),
+            ("reference body", first.reference_body, other.reference_body),
+        ):
+            if one != two:
+                raise TrainingError(f"datasets {first_name} and {other_name} disagree on the {what}: {one} and {two}")
 
 
 def rover_of(passport: Passport) -> RoverParameters:
@@ -76,19 +90,6 @@ def regolith_of(passport: Passport) -> RegolithParameters:
         "shear_modulus_m": soil.janosi_shear_m if soil else None,
     }
     return replace(LUNAR_REGOLITH, **{name: value for name, value in given.items() if value is not None})
-
-
-def _shared(datasets: Sequence[Dataset]) -> tuple[RoverParameters, RegolithParameters]:
-    first = datasets[0]
-    for other in datasets[1:]:
-        for what, one, two in (
-            ("rover", rover_of(first.passport), rover_of(other.passport)),
-            ("regolith", regolith_of(first.passport), regolith_of(other.passport)),
-            ("reference body", first.passport.reference_body, other.passport.reference_body),
-        ):
-            if one != two:
-                raise TrainingError(f"datasets {first.name} and {other.name} disagree on the {what}: {one} and {two}")
-    return rover_of(first.passport), regolith_of(first.passport)
 
 
 def _observed(run: Run) -> ObservedRun:

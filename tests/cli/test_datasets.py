@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -75,6 +76,13 @@ def test_validate_tells_and_stores_nothing(tmp_path):
         (("show", "absent"), ExitCode.NOT_FOUND, "absent"),
         (("export", "absent", "FOLDER/new"), ExitCode.NOT_FOUND, "absent"),
         (("export", "small", "FOLDER"), ExitCode.USAGE, "exists"),
+        (("upload", "FOLDER"), ExitCode.USAGE, "is no file"),
+        (("upload", "FOLDER/runs.csv"), ExitCode.REFUSED, "not-a-number"),
+        (("upload", "FOLDER/runs.csv", "--name", "x/y"), ExitCode.USAGE, "name"),
+        (("upload", "FOLDER/runs.csv", "--slope-deg", "90"), ExitCode.USAGE, "slope_deg"),
+        (("upload", "FOLDER/runs.csv", "--passport", "FOLDER/runs.csv"), ExitCode.USAGE, "not JSON"),
+        (("delete", "absent"), ExitCode.NOT_FOUND, "absent"),
+        (("delete", "small"), ExitCode.REFUSED, "rover@1"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
@@ -84,6 +92,44 @@ def test_errors(store, tmp_path, words, code, says):
     assert answer.code == code
     assert says in answer.error
     assert answer.out == ""
+
+
+def packed(folder, target):
+    return shutil.make_archive(target, "zip", folder.parent, folder.name)
+
+
+def test_an_uploaded_archive_is_the_same_dataset_as_its_folder(store, tmp_path):
+    archive = packed(write_runs(tmp_path / "runs"), tmp_path / "sent")
+    known = call("datasets", "show", "small", "--json", "--store", store).json
+    uploaded = call("datasets", "upload", archive, "--name", "other", "--json", "--store", store).json
+    assert (uploaded["id"], uploaded["created"], uploaded["dataset"]["name"]) == (known["id"], False, "small")
+    said = call("datasets", "upload", archive, "--store", store)
+    assert "stored before as small" in said.out
+    assert "4 runs, 0 left out" in said.out
+
+
+def test_a_dry_run_stores_nothing(store, tmp_path):
+    archive = packed(write_runs(tmp_path / "runs", spoil=24.0, slopes=(20.0, 24.0)), tmp_path / "sent")
+    dry = call("datasets", "upload", archive, "--dry-run", "--store", store)
+    assert "1 runs, 1 left out, nothing stored" in dry.out
+    assert re.search(r"left out: runs/s24.csv.gz line \d+ column rear_y_m: nan", dry.err)
+    assert len(call("datasets", "list", "--json", "--store", store).json["datasets"]) == 1
+    assert call("datasets", "upload", archive, "--strict", "--store", store).code == ExitCode.REFUSED
+
+
+def test_one_file_is_uploaded_with_its_scenario_and_deleted_again(store, tmp_path):
+    folder = write_runs(tmp_path / "runs")
+    scenario = ("--slope-deg", "20", "--mass-kg", "430", "--torque-nm", "60", "--set", "mine", "--actor", "me")
+    words = ("datasets", "upload", folder / "runs" / "s20.csv.gz", *scenario, "--passport", folder / "passport.json")
+    uploaded = call(*words, "--json", "--store", store).json
+    assert uploaded["created"]
+    assert uploaded["dataset"]["created_by"] == "me"
+    assert uploaded["dataset"]["summary"]["sets"] == {"mine": 1}
+    assert uploaded["report"]["findings"] == []
+    assert call("datasets", "delete", uploaded["id"][:8], "--json", "--store", store).json == {
+        "deleted": uploaded["id"]
+    }
+    assert call("datasets", "show", uploaded["id"], "--store", store).code == ExitCode.NOT_FOUND
 
 
 def test_headerless_files_are_read_with_a_map(tmp_path):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
+
 import pytest
 
-from model_store import ModelStore
+from model_store import Lineage, ManifestDraft, ModelStore
 from service.cli.failures import ExitCode
 from tests.cli.conftest import call
 
@@ -14,8 +16,6 @@ def _publish_again(store):
     opened = ModelStore.open(store)
     first = opened.manifest("rover", 1)
     files = {path: opened.read_file("rover", 1, path) for path in first.files}
-    from model_store import ManifestDraft
-
     draft = ManifestDraft(
         created_by="tests",
         description="second",
@@ -41,6 +41,64 @@ def test_show_has_domain_errors_and_lineage(small_store, reference):
     text = call("models", "show", reference, "--store", small_store).out
     for word in ("slope_deg", "final position", "prior alone", shown["lineage"]["datasets"][0]):
         assert word in text
+
+
+def test_show_prints_the_lineage(store):
+    opened = ModelStore.open(store)
+    first = opened.manifest("rover", 1)
+    lineage = first.lineage.model_copy(update={"job": "job-7"})
+    draft = {name: getattr(first, name) for name in ManifestDraft.model_fields} | {"lineage": lineage}
+    opened.publish("rover", {"weights.safetensors": b"w"}, ManifestDraft(**draft), once_key="job-7")
+    text = call("models", "show", "rover@2", "--store", store).out
+    expected = ["job-7", "(small)", lineage.datasets[0], "epochs 2", "seed", lineage.code_version]
+    expected += ["3 to train on, 1 to test on", "architecture paper_network", "rover-twin train --like rover@2"]
+    expected += [f"{name} {version}" for name, version in lineage.libraries.items()]
+    for word in expected:
+        assert word in text
+    assert {"scipy", "dbos", "torch", "python"} <= lineage.libraries.keys()
+    assert call("models", "show", "rover@2", "--json", "--store", store).json["lineage"]["job"] == "job-7"
+
+
+def test_show_says_which_datasets_are_gone(store):
+    shutil.rmtree(store / "datasets")
+    text = call("models", "show", "rover", "--store", store).out
+    assert "(no longer in the store)" in text
+    assert "none: not trained by a job" in text
+
+
+def _publish_with_errors(store, error_m, **more):
+    """A version with these errors (m) on eight left-out runs."""
+    opened = ModelStore.open(store)
+    run = {"slope_deg": 20.0, "mass_kg": 430.0, "torque_nm": 60.0, "horizon_s": 4.0, "final_x_m": 1.0}
+    errors = dict.fromkeys(("rmse_m", "final_m", "maximum_m"), error_m)
+    left_out = {"by_run": [{"run": f"r{number}", **run, "model": errors} for number in range(8)]}
+    draft = ManifestDraft(
+        created_by="tests", checkpoint={}, domain={}, metrics={"left_out": left_out}, lineage=Lineage(**more)
+    )
+    return opened.publish("rover", {"weights.safetensors": b"w"}, draft).version
+
+
+def test_compare_says_which_is_better_and_why(store):
+    worse, better = _publish_with_errors(store, 0.1), _publish_with_errors(store, 0.05)
+    told = call("models", "compare", f"rover@{better}", f"rover@{worse}", "--store", store)
+    assert told.code == 0
+    assert told.out.startswith(f"rover@{better} is better than rover@{worse}: over 8 runs")
+    assert "0.500" in told.out
+    answer = call("models", "compare", f"rover@{worse}", f"rover@{better}", "--json", "--store", store).json
+    assert (answer["verdict"], answer["ratio"], answer["promote"]) == ("not_better", pytest.approx(2), False)
+    strict = call(
+        "models", "compare", f"rover@{better}", f"rover@{worse}", "--margin", "0.5", "--json", "--store", store
+    )
+    assert strict.json["margin"] == 0.5
+
+
+def test_compare_takes_the_champion_where_nothing_else_is_named(store):
+    better = _publish_with_errors(store, 0.05)
+    against_champion = call("models", "compare", f"rover@{better}", "--json", "--store", store).json
+    assert (against_champion["against"], against_champion["verdict"]) == ("rover@1", "not_comparable")
+    for record in (store / "models/rover/aliases/champion").iterdir():
+        record.unlink()
+    assert call("models", "compare", f"rover@{better}", "--json", "--store", store).json["verdict"] == "first"
 
 
 def test_show_without_a_champion_is_the_newest_version(store):
@@ -105,6 +163,9 @@ def test_list_shows_what_is_readable_and_fails_for_the_rest(store):
         (("alias", "rover", "7", "1", "--reason", "x"), ExitCode.USAGE),
         (("alias", "rover", "Best", "1", "--reason", "x"), ExitCode.USAGE),
         (("history", "rover", "candidate"), ExitCode.NOT_FOUND),
+        (("compare", "rover@7", "rover@1"), ExitCode.NOT_FOUND),
+        (("compare", "rover@1", "absent"), ExitCode.NOT_FOUND),
+        (("compare", "rover@1", "rover@1", "--margin", "0.6"), ExitCode.USAGE),
         (("rollback", "absent", "champion", "--reason", "x"), ExitCode.NOT_FOUND),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",

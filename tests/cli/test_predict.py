@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 
 import httpx
 import pytest
@@ -24,6 +27,38 @@ def test_the_answer_is_the_one_of_the_server(serving, form, frame):
     assert theirs.status_code == 200, theirs.text
     assert mine.code == 0
     assert mine.out.rstrip("\n") == theirs.text.rstrip("\n")
+
+
+@pytest.mark.parametrize("form", ["npz", "arrow", "usda", "svg", "png"])
+def test_files_and_pipes_take_every_form_of_the_server(serving, tmp_path, form):
+    params = {**_QUERY, "format": form}
+    theirs = httpx.get(f"{serving.address}/v1/predictions", params=params, timeout=60)
+    assert theirs.status_code == 200, theirs.text
+    words = ("predict", *SCENARIO, *_AT_ROVER, "--horizon-s", "3", "--include", "prior", "--store", serving.store)
+    target = tmp_path / f"answer.{form}"
+    written = call(*words, "--format", form, "--output", target)
+    assert (written.code, written.out) == (0, "")
+    assert target.read_bytes().rstrip(b"\n") == theirs.content.rstrip(b"\n")
+    if form == "npz":
+        piped = subprocess.run(
+            [sys.executable, "-m", "service", *map(str, words), "--format", form], capture_output=True, check=True
+        )
+        assert piped.stdout == theirs.content
+
+
+@pytest.mark.parametrize(("form", "code"), [("npz", ExitCode.USAGE), ("arrow", ExitCode.USAGE), ("usda", 0)])
+def test_what_is_no_text_is_kept_from_a_terminal(small_store, form, code):
+    words = ("predict", *SCENARIO, *_AT_ROVER, "--horizon-s", "1", "--format", form, "--store", small_store)
+    leader, follower = os.openpty()
+    with os.fdopen(leader, "rb") as screen:
+        with os.fdopen(follower, "wb") as terminal:
+            command = [sys.executable, "-m", "service", *map(str, words)]
+            ended = subprocess.run(command, stdout=terminal, stderr=subprocess.PIPE, text=True)
+        assert ended.returncode == code
+        if code:
+            assert f"--format {form} is no text for a terminal; write it with --output FILE" in ended.stderr
+        else:
+            assert screen.read1(6) == b"#usda "
 
 
 def test_json_option_is_the_json_format(small_store):

@@ -26,7 +26,7 @@ def test_every_command_has_help_with_examples(words):
     answer = call(*words, "--help")
     assert answer.code == 0
     assert "Usage: rover-twin" in answer.out
-    is_group = len(words) == 0 or words in (("models",), ("datasets",))
+    is_group = len(words) == 0 or words in (("models",), ("datasets",), ("jobs",))
     assert is_group or "Example" in answer.out
 
 
@@ -85,6 +85,8 @@ def test_no_command_shows_the_help_and_fails():
         ("models", "rollback", "rover", "champion", "--reason", "x"),
         ("datasets", "list"),
         ("datasets", "show", "small"),
+        ("jobs", "list"),
+        ("jobs", "show", "0f0e3b5c-6b43-4d0f-a5a5-3a7d3f0b8a10"),
         ("evaluate", "rover", "--dataset", "small"),
         ("serve",),
     ],

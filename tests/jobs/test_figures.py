@@ -114,6 +114,27 @@ def test_the_held_out_table_tells_sets_and_climbing_runs_apart():
     assert found["space", "stalling or sliding"][1] == "6.00 cm"
 
 
+def test_a_section_tells_how_well_slopes_are_predicted_from_the_others():
+    evaluations, curves = left_out()
+    series = [replace(run, set_name="a|b") for run in evaluations[4::-1]]
+    other = [replace(run, mass_kg=860.0) for run in series]
+    page = held_out_report(evaluations, curves, VIPER, LUNAR_REGOLITH, [*series, *other])["report/held_out.md"].decode()
+    rows = [line.strip("| ").split(" | ") for line in page.split("## One slope left out of its series")[1].splitlines()]
+    of_one = [row[3:] for row in rows if row[:3] == [r"a\|b", "430", "60"]]
+    assert [row[0] for row in of_one] == [
+        "0, extrapolated", "5", "10", "15", "20, extrapolated", "median of 3 inner", "90th percentile of 3 inner",
+    ]  # fmt: skip
+    assert [row[2] for row in of_one] == ["1.00 cm", "2.00 cm", "3.00 cm", "4.00 cm", "5.00 cm", "3.00 cm", "3.80 cm"]
+    assert [row[3:] for row in rows if row[:3] == [r"a\|b", "860", "60"]] == of_one
+
+
+def test_without_series_there_is_no_such_section():
+    evaluations, curves = left_out()
+    report = held_out_report(evaluations, curves, VIPER, LUNAR_REGOLITH)
+    assert b"One slope left out" not in report["report/held_out.md"]
+    assert held_out_report(evaluations, curves, VIPER, LUNAR_REGOLITH, evaluations).keys() == report.keys()
+
+
 def test_relative_errors_are_over_five_centimetres_at_least():
     evaluations, _ = left_out()
     assert [climbs(run) for run in evaluations] == [True] * 5 + [False]

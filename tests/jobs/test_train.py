@@ -80,6 +80,22 @@ def test_reports_are_json_with_every_run(store):
         assert [each["run"] for each in report["by_run"]] == manifest.lineage.split[part]
 
 
+def test_slopes_left_out_of_their_series_are_in_the_manifest_and_the_report(store):
+    everything = {"architecture": "resistance_process", "test_slopes_deg": [], "test_fraction": 0.0}
+    manifest = published(store, CONFIG.model_copy(update=everything))
+    rows = manifest.metrics["left_out_slopes"]["by_run"]
+    assert sorted(row["slope_deg"] for row in rows) == [0, 5, 10, 15, 20]
+    assert {(row["mass_kg"], row["torque_nm"]) for row in rows} == {(430, 60)}
+    left_out = {row["run"]: row["model"] for row in manifest.metrics["left_out"]["by_run"]}
+    assert all(row["model"] != left_out[row["run"]] for row in rows)
+    page = store.read_file("unit", manifest.version, "report/held_out.md").decode()
+    assert "## One slope left out of its series" in page
+
+
+def test_networks_leave_no_slopes_out(store):
+    assert published(store).metrics["left_out_slopes"] == {"summary": {"runs": 0}, "by_run": []}
+
+
 def test_the_zero_architecture_is_the_calibrated_prior(store):
     trained = train_model(store, CONFIG.model_copy(update={"architecture": "zero", "fit": FitConfig(epochs=1)}))
     for evaluation in trained.train_evaluations:

@@ -1,0 +1,73 @@
+"""Drawing a dataset in a process of its own: reading and drawing take seconds, and predictions must not wait for them.
+
+Run as a program, this module is that process: a request on stdin, the figure on stdout; or exit code 3, and on stderr
+in one line what is wrong with the dataset.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import sys
+from typing import Literal
+
+import anyio
+from pydantic import BaseModel
+
+from model_store import CorruptArtefactError, ModelStore, StoreError
+from service.errors import DatasetError
+from service.jobs.stored_dataset import RUNS_FILE
+
+NICENESS = 10
+WALL_S = 60
+_CPU_S = 60
+_REFUSED = 3
+
+
+class _Request(BaseModel):
+    store_url: str
+    dataset: str
+    kind: Literal["svg", "png"]
+
+
+async def preview_in_process(store_url: str, dataset: str, kind: Literal["svg", "png"]) -> bytes:
+    """The figure of a dataset, given by its id. When the awaiting task is cancelled, the process is killed.
+
+    Raises CorruptArtefactError when what is stored cannot be drawn, and TimeoutError after a minute.
+    """
+    request = _Request(store_url=store_url, dataset=dataset, kind=kind)
+    with anyio.fail_after(WALL_S):
+        done = await anyio.run_process(
+            [sys.executable, "-P", "-m", "service.jobs.preview_process"],
+            input=request.model_dump_json().encode(),
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            check=False,
+        )
+    if done.returncode == 0 and done.stdout:
+        return done.stdout
+    why = done.stderr.decode("utf-8", "replace").strip() if done.returncode == _REFUSED else ""
+    raise CorruptArtefactError(why or f"dataset {dataset} cannot be drawn: its process ended with {done.returncode}")
+
+
+def main() -> None:
+    """Read one request, write one figure."""
+    # here, for the parent has no need of the libraries that read and draw
+    from service.datasets import read_parquet  # noqa: PLC0415
+    from service.jobs.dataset_figure import preview  # noqa: PLC0415
+
+    request = _Request.model_validate_json(sys.stdin.buffer.read())
+    os.nice(NICENESS)
+    resource.setrlimit(resource.RLIMIT_CPU, (_CPU_S, _CPU_S + 5))
+    signal.alarm(WALL_S + 10)  # the parent may be gone
+    try:
+        runs = ModelStore.open(request.store_url).read_dataset_file(request.dataset, RUNS_FILE)
+        figure = preview(read_parquet(runs, columns=()), kind=request.kind)
+    except (StoreError, DatasetError) as error:
+        print(str(error).replace("\n", " "), file=sys.stderr)
+        sys.exit(_REFUSED)
+    sys.stdout.buffer.write(figure)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,195 @@
+"""The queue of training jobs, as seen from outside a worker: submit, look, cancel, follow."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+import uuid
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Self
+
+from service.errors import IdempotencyKeyError, JobNotFoundError, JobStateError, JobsUnavailableError
+from service.jobs.job import ENDED, JobEvent, JobState, TrainingJob
+from service.jobs.job_record import STATUSES, event_of, final_event, first_event, job_of, moment, submitted_ms
+from service.jobs.request import TrainingJobRequest
+
+if TYPE_CHECKING:
+    from dbos import WorkflowStatus
+
+    from service.jobs.database import JobsDatabase
+
+# A key names its job by itself, in every replica and after every restart. Never change it.
+_KEYS = uuid.UUID("6f1b9a52-7c0e-4d61-9a53-2f0c9be6a7d4")
+_PATIENCE_S = 4.0
+_SAME_ANSWER_S = 1.0
+_SCAN = 200  # rows per look while filtering, and how many looks: listing is bounded
+_MOST_SCANS = 50
+_MOST_EVENTS = 500
+
+
+class JobQueue:
+    """The jobs in one database. Safe to share between threads; every method blocks, for about 5 s at most.
+
+    Every method may raise JobsUnavailableError. Nothing is opened before the first call, and a database that was
+    down is tried again by the next one, so that a service can start without it.
+    """
+
+    def __init__(self, url: str, capacity: int) -> None:
+        self._url = url
+        self._capacity = capacity
+        self._lock = threading.Lock()
+        self._opened: JobsDatabase | None = None
+        self._failed = -math.inf, ""  # when opening failed last, and why
+
+    @classmethod
+    def open(cls, url: str, capacity: int) -> Self:
+        """The queue in `url` (sqlite:///file or postgresql://...), in which `capacity` jobs may wait."""
+        return cls(url, capacity)
+
+    def submit(self, request: TrainingJobRequest, *, actor: str, key: str | None = None) -> tuple[TrainingJob, bool]:
+        """Queue a checked request; returns the job and whether it is new. On return it survives any kill.
+
+        The same `key` with the same request gives the job that is there already. `actor` is who asked.
+
+        Raises:
+            QueueFullError: `capacity` jobs wait already.
+            IdempotencyKeyError: the key belongs to another request.
+        """
+        job_id = str(uuid.uuid5(_KEYS, key) if key is not None else uuid.uuid4())
+        attributes = {"model": request.model, "submitted_ms": time.time_ns() // 1_000_000, "hand_backs": 0}
+        content = request.model_dump(mode="json")
+        new = self._database.enqueue(job_id, content, actor, attributes=attributes, capacity=self._capacity)
+        job = self.get(job_id)
+        if not new and job.request != request:
+            raise IdempotencyKeyError(
+                f"the idempotency key belongs to training job {job_id}, which has another request; use a new key"
+            )
+        return job, new
+
+    def get(self, job_id: str) -> TrainingJob:
+        """One job. Raises JobNotFoundError."""
+        return self._complete(self._row(job_id))
+
+    def list(
+        self,
+        *,
+        state: JobState | None = None,
+        model: str | None = None,
+        limit: int = 50,
+        before: str | None = None,
+    ) -> list[TrainingJob]:
+        """Jobs, newest first, those older than the job `before`; looks at the 10,000 next ones at most.
+
+        Raises JobNotFoundError when there is no job `before`.
+        """
+        found: list[TrainingJob] = []
+        for row in self._newest_first(state, self._row(before) if before is not None else None):
+            if len(found) == limit:
+                break
+            if model is None or (row.attributes or {}).get("model") == model:
+                found.append(self._complete(row))
+        return found
+
+    def cancel(self, job_id: str) -> TrainingJob:
+        """Cancel a job that has not ended; a running one stops within seconds.
+
+        A version that was being published at that very moment stays, whole and without an alias.
+        Raises JobNotFoundError, and JobStateError when it has ended.
+        """
+        job = self.get(job_id)
+        if job.state not in ENDED:
+            self._database.cancel(job_id)
+            job = self.get(job_id)
+            if job.state == "cancelled":
+                return job
+        raise JobStateError(f"training job {job_id} is {job.state}, allowed is to cancel queued and running ones")
+
+    def events(self, job_id: str, after: int | None = None, wait_s: float = 0.0) -> tuple[JobEvent, ...]:
+        """Events with a number above `after`, oldest first, 500 at most; waits up to `wait_s` for the next one.
+
+        Empty when nothing came in that time, or when `after` is the job's last event, its final state.
+        Raises JobNotFoundError.
+        """
+        row = self._row(job_id)
+        found = [first_event(row)] if after is None or after < 0 else []
+        # Event n is entry n - 1 of the stream: event 0 is that the job was queued. Reading begins with the event
+        # `after` itself, which tells a job that ended after it from one whose last event it is.
+        known = min(max(after or 0, 0), 1)
+        start = max(after or 0, 0) - known
+        entries, ended = self._database.entries(job_id, start, _MOST_EVENTS)
+        nothing_new = len(entries) <= known and not (found or ended)
+        if nothing_new and wait_s > 0 and self._database.wait_for_entry(job_id, start + known, wait_s):
+            entries, ended = self._database.entries(job_id, start, _MOST_EVENTS)
+        written = [event_of(number, entry) for number, entry in enumerate(entries, start + 1)]
+        found += written[known:]
+        if ended and len(entries) >= known:
+            found.append(final_event(start + len(entries) + 1, self.get(job_id), written))
+        return tuple(found)
+
+    def active_datasets(self) -> dict[str, tuple[str, ...]]:
+        """The ids of the jobs that wait or run, by the dataset that they name."""
+        using: dict[str, tuple[str, ...]] = {}
+        for row in self._database.rows([*STATUSES["queued"], *STATUSES["running"]], whole=True):
+            for dataset in job_of(row).request.datasets:
+                using[dataset] = (*using.get(dataset, ()), row.workflow_id)
+        return using
+
+    def counts(self) -> dict[JobState, int]:
+        """How many jobs wait and how many run."""
+        states: tuple[JobState, ...] = ("queued", "running")
+        return {state: len(self._database.rows(STATUSES[state])) for state in states}
+
+    def close(self) -> None:
+        """Let go of the database; a later call would open it again."""
+        with self._lock:
+            if self._opened is not None:
+                self._opened.close()
+                self._opened = None
+
+    @property
+    def _database(self) -> JobsDatabase:
+        with self._lock:
+            if self._opened is None:
+                self._opened = self._open()
+            return self._opened
+
+    def _open(self) -> JobsDatabase:
+        """Those who waited while opening failed are told the same at once, or each of them would wait in turn."""
+        from service.jobs.database import JobsDatabase  # noqa: PLC0415 - two seconds, not for a service without jobs
+
+        failed_at, reason = self._failed
+        if time.monotonic() < failed_at + _SAME_ANSWER_S:
+            raise JobsUnavailableError(reason)
+        try:
+            return JobsDatabase.open(self._url, patience_s=_PATIENCE_S)
+        except JobsUnavailableError as error:
+            self._failed = time.monotonic(), str(error)
+            raise
+
+    def _row(self, job_id: str) -> WorkflowStatus:
+        row = self._database.row(job_id)
+        if row is None:
+            raise JobNotFoundError(f"there is no training job {job_id[:100]!r}")
+        return row
+
+    def _complete(self, row: WorkflowStatus) -> TrainingJob:
+        return job_of(row, self._database.note(row.workflow_id) if row.recovery_attempts else None)
+
+    def _newest_first(self, state: JobState | None, last: WorkflowStatus | None) -> Iterator[WorkflowStatus]:
+        """Rows older than `last`, at most 10,000."""
+        # dbos compares whole milliseconds, cut off: one more keeps those of the same one in
+        until = moment((last.created_at or 0) + 1).isoformat() if last else None
+        statuses = STATUSES[state] if state else None
+        for scan in range(_MOST_SCANS):
+            rows = self._database.rows(statuses, limit=_SCAN, offset=scan * _SCAN, end_time=until, whole=True)
+            for row in sorted(rows, key=_age, reverse=True):
+                if last is None or _age(row) < _age(last):
+                    yield row
+            if len(rows) < _SCAN:
+                return
+
+
+def _age(row: WorkflowStatus) -> tuple[int, int, str]:
+    """What jobs are sorted by: dbos's own time has whole seconds on SQLite."""
+    return row.created_at or 0, submitted_ms(row), row.workflow_id

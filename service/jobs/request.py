@@ -1,0 +1,170 @@
+"""What somebody asks a training job to do, and whether that can work at all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
+
+from model_store import DatasetRecord, ModelStore
+from service.datasets.passport import Passport, parse_passport
+from service.errors import DatasetError, InvalidValueError, TrainingError
+from service.jobs.training_config import ArchitectureName, InputName, PriorName, TrainingConfig, XForm
+from service.learning.fit_config import FitConfig
+
+_DEFAULTS = {name: field.default for name, field in TrainingConfig.model_fields.items()}
+_FIT = FitConfig()
+_PASSPORT_FILE = "passport.json"
+_MAX_PASSPORT_BYTES = 1 << 20
+_FEWEST_RUNS_OF_A_PROCESS = 3
+_SLOPE_TOLERANCE_DEG = 1e-6
+
+Slope = Annotated[float, Field(ge=-90, le=90)]
+
+
+class _Asked(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class SplitRequest(_Asked):
+    """Which runs are kept for testing; none by default."""
+
+    test_slopes_deg: Annotated[tuple[Slope, ...], Field(max_length=64)] = Field(
+        (), description="Every run at these slopes is kept for testing."
+    )
+    test_fraction: float = Field(0.0, ge=0, le=0.9, description="Share of the other runs kept, drawn at random.")
+
+
+class Budget(_Asked):
+    """How much a job may compute. A job that reaches the minutes ends with the best epoch so far."""
+
+    max_epochs: int = Field(_FIT.epochs, ge=1, le=10_000, description="Most epochs of the fit.")
+    max_minutes: float = Field(60.0, gt=0, le=1440, description="Most minutes of fitting.")
+
+
+class TrainingJobRequest(_Asked):
+    """A training job as it is asked for."""
+
+    model: Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9-]{0,62}$")] = Field(
+        description="Name of the model that gets a new version: a-z, 0-9 and -."
+    )
+    datasets: Annotated[
+        tuple[Annotated[str, StringConstraints(min_length=1, max_length=64)], ...], Field(min_length=1, max_length=64)
+    ] = Field(description="Ids, unique starts of ids, or names of stored datasets.")
+    architecture: ArchitectureName = Field("resistance_process", description="The learned part; zero is none.")
+    prior: PriorName = Field(_DEFAULTS["prior"], description="The closed-form part.")
+    inputs: Annotated[tuple[InputName, ...], Field(min_length=1, max_length=16)] = Field(
+        tuple(_DEFAULTS["inputs"]), description="What a network sees, time_s first and each once."
+    )
+    x_form: XForm = Field(_DEFAULTS["x_form"], description="What a network's x output is.")
+    split: SplitRequest = Field(SplitRequest(), description="Which runs are kept for testing.")
+    seed: int = Field(_FIT.seed, ge=0, le=2**31 - 1, description="The same seed gives the same weights.")
+    budget: Budget = Field(Budget(), description="How much the job may compute.")
+    promote: Literal["never", "if_better"] = Field(
+        "never", description="Whether champion moves to the new version when that is better by the margin."
+    )
+    margin: float = Field(0.05, ge=0, le=0.5, description="Share by which the held-out error must fall to be better.")
+    description: Annotated[str, StringConstraints(max_length=1000)] = Field(
+        "", description="A sentence for people, kept in the manifest."
+    )
+
+    @field_validator("inputs")
+    @classmethod
+    def _time_first(cls, inputs: tuple[InputName, ...]) -> tuple[InputName, ...]:
+        if inputs[0] != "time_s" or len(set(inputs)) < len(inputs):
+            raise ValueError(f"inputs is {', '.join(inputs)}, allowed is time_s first and each one once")
+        return inputs
+
+    def training_config(self) -> TrainingConfig:
+        """The same as the description that CLI and manifest use; what a request leaves open is the default."""
+        return TrainingConfig(
+            model=self.model,
+            datasets=list(self.datasets),
+            prior=self.prior,
+            architecture=self.architecture,
+            inputs=list(self.inputs),
+            x_form=self.x_form,
+            test_slopes_deg=list(self.split.test_slopes_deg),
+            test_fraction=self.split.test_fraction,
+            description=self.description,
+            fit=FitConfig(seed=self.seed, epochs=self.budget.max_epochs),
+        )
+
+
+def check_request(store: ModelStore, request: TrainingJobRequest) -> TrainingJobRequest:
+    """The request with whole dataset ids, once nothing is known that would make it fail. Reads no samples.
+
+    Raises InvalidValueError naming the field for a dataset that is not there, comes twice or whose passport does not
+    fit the others, and for a split that leaves too few runs; and what the store raises.
+    """
+    records = [store.dataset(reference) for reference in request.datasets]
+    ids = [record.id for record in records]
+    twice = sorted({reference for reference, each in zip(request.datasets, ids, strict=True) if ids.count(each) > 1})
+    if twice:
+        raise InvalidValueError("datasets", twice, "each dataset once")
+    _require_agreement(store, records)
+    _require_runs(records, request)
+    return request.model_copy(update={"datasets": tuple(ids)})
+
+
+def _require_agreement(store: ModelStore, records: Sequence[DatasetRecord]) -> None:
+    from service.jobs.training_data import require_same_simulation  # noqa: PLC0415 - brings pyarrow, slow to import
+
+    try:
+        passports = [(record.name, _passport(store, record)) for record in records]
+        require_same_simulation(passports)
+    except (DatasetError, TrainingError) as error:
+        names = [record.name for record in records]
+        raise InvalidValueError("datasets", names, f"datasets of one rover on one regolith: {error}") from error
+
+
+def _passport(store: ModelStore, record: DatasetRecord) -> Passport:
+    text = store.read_dataset_file(record.id, _PASSPORT_FILE, limit_bytes=_MAX_PASSPORT_BYTES)
+    return parse_passport(text, file=_PASSPORT_FILE)
+
+
+def _require_runs(records: Sequence[DatasetRecord], request: TrainingJobRequest) -> None:
+    """What the summaries tell of the split. The worker, which reads the runs, judges again."""
+    counts = [_number(record, "runs") for record in records]
+    if any(count is None for count in counts):
+        return
+    runs = int(sum(count for count in counts if count is not None))
+    for slope in request.split.test_slopes_deg:
+        if not any(_has_slope(record, slope) for record in records):
+            raise InvalidValueError("split.test_slopes_deg", slope, "slopes within the range of the datasets' runs")
+    kept = round(request.split.test_fraction * runs)
+    only = request.split.test_slopes_deg and all(_all_at(record, request.split.test_slopes_deg) for record in records)
+    least = _FEWEST_RUNS_OF_A_PROCESS if request.architecture == "resistance_process" else 1
+    left = 0 if only else runs - kept
+    if left < least:
+        raise InvalidValueError(
+            "split", request.split.model_dump(mode="json"), f"one that leaves {least} of the {runs} runs to train on"
+        )
+
+
+def _number(record: DatasetRecord, field: str) -> float | None:
+    value = record.summary.get(field)
+    return float(value) if isinstance(value, int | float) else None
+
+
+def _slopes(record: DatasetRecord) -> tuple[float, float]:
+    span = record.summary.get("slope_deg")
+    lowest = span.get("lowest") if isinstance(span, dict) else None
+    highest = span.get("highest") if isinstance(span, dict) else None
+    if not isinstance(lowest, int | float) or not isinstance(highest, int | float):
+        return -math.inf, math.inf
+    return float(lowest), float(highest)
+
+
+def _has_slope(record: DatasetRecord, slope: float) -> bool:
+    lowest, highest = _slopes(record)
+    return lowest - _SLOPE_TOLERANCE_DEG <= slope <= highest + _SLOPE_TOLERANCE_DEG
+
+
+def _all_at(record: DatasetRecord, slopes: Sequence[float]) -> bool:
+    lowest, highest = _slopes(record)
+    return highest - lowest <= _SLOPE_TOLERANCE_DEG and any(
+        abs(lowest - slope) <= _SLOPE_TOLERANCE_DEG for slope in slopes
+    )

@@ -1,0 +1,23 @@
+"""A dataset in the store from outside: its files, and what became of an upload. Needs no library that reads them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from model_store import DatasetRecord
+from service.datasets import ValidationReport
+
+RUNS_FILE = "runs.parquet"
+PASSPORT_FILE = "passport.json"
+
+
+@dataclass(frozen=True, slots=True)
+class UploadResult:
+    """What became of an upload. `created` is False when the store had the dataset, and when nothing was to be stored;
+    `record` is None when the store does not have it.
+    """
+
+    dataset_id: str
+    created: bool
+    record: DatasetRecord | None
+    report: ValidationReport

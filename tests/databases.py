@@ -1,0 +1,64 @@
+"""Databases for the jobs' tests: a SQLite file, and a real PostgreSQL server that the tests start themselves."""
+
+from __future__ import annotations
+
+import importlib.util
+import itertools
+import os
+import shutil
+import signal
+import tempfile
+import warnings
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+import psycopg
+import pytest
+
+_NUMBERS = itertools.count()
+
+
+class Postgres:
+    """One server; each test gets a database of its own, made in a tenth of a second."""
+
+    def __init__(self, folder: Path) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about the environment of the tests, not about ours
+            import pgserver
+
+            self.server = pgserver.get_server(folder, cleanup_mode="stop")
+
+    def new_database(self) -> str:
+        name = f"jobs_{os.getpid()}_{next(_NUMBERS)}"
+        with psycopg.connect(self.server.get_uri(), autocommit=True) as connection:
+            connection.execute(f"CREATE DATABASE {name}")
+        return self.server.get_uri(database=name)
+
+    def kill(self) -> None:
+        """As a power cut: the server and all its sessions, at once."""
+        postmaster = self.server.get_postmaster_info().process
+        sessions = postmaster.children(recursive=True)
+        for process in (postmaster, *sessions):
+            with suppress(psutil.NoSuchProcess):
+                process.send_signal(signal.SIGKILL)
+        psutil.wait_procs([postmaster, *sessions], timeout=10)
+
+    def start(self) -> None:
+        """Start it again after `kill`; it recovers from its log."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            self.server.ensure_postgres_running()
+
+
+def start_postgres() -> Iterator[Postgres]:
+    if importlib.util.find_spec("pgserver") is None:
+        pytest.skip("no PostgreSQL server to start: pgserver is not installed")
+    folder = Path(tempfile.mkdtemp(prefix="pg"))  # a socket's path has a hundred characters at most
+    server = Postgres(folder)
+    try:
+        yield server
+    finally:
+        server.server.cleanup()
+        shutil.rmtree(folder, ignore_errors=True)
