@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import signal
+import socket
+import sys
+import threading
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
@@ -17,40 +22,77 @@ from fastapi import FastAPI
 
 import service
 from model_store import ModelStore
-from service.api import docs, errors, health, mobility, models, predictions, suggested_runs
+from service.api import (
+    aliases,
+    batch,
+    datasets,
+    docs,
+    errors,
+    health,
+    metrics,
+    mobility,
+    models,
+    predictions,
+    suggested_runs,
+    training_jobs,
+)
+from service.api.admin import AdminGate
 from service.api.body_limit import BodyLimit
 from service.api.execution import Line
+from service.api.inference import routes as inference
+from service.api.instruments import Instruments
 from service.api.openapi import document_of
 from service.api.request_log import RequestLog
 from service.api.services import Lifecycle, LifespanState, Services
+from service.api.upload_body import remove_forgotten_uploads
 from service.cpu import available_cpus, limit_torch_threads
+from service.jobs.queue import JobQueue
+from service.jobs.supervisor import WorkerSupervisor
 from service.log import configure_logging
+from service.processes import run_processes
 from service.settings import Settings
-from service.twin import TwinRegistry
+from service.twin import CountedTwin, Twin, TwinRegistry
 
 _STORAGE_THREADS = 16
 _MAX_HEADER_BYTES = 32 * 1024
+_MOST_SETTINGS_BYTES = 1 << 20
 _Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[LifespanState]]
 
 _log = structlog.get_logger(__name__)
 
 
-def create_app(settings: Settings, lifecycle: Lifecycle | None = None) -> FastAPI:
+def create_app(
+    settings: Settings, lifecycle: Lifecycle | None = None, instruments: Instruments | None = None
+) -> FastAPI:
     """The service as an ASGI app. Opens the store, loads nothing yet: models are loaded when the app starts.
 
     An empty store or a default model that cannot be loaded stops nothing: readiness says so until it heals.
-    `lifecycle` lets whoever runs the app announce its end. Raises what `ModelStore.open` raises.
+    `lifecycle` lets whoever runs the app announce its end, `instruments` count what several processes do. Raises what
+    `ModelStore.open` raises.
     """
     store = ModelStore.open(settings.store_url)
+    counting = instruments or Instruments()
+    threads = settings.threads or available_cpus()
+
+    def prepare(twin: Twin) -> Twin:
+        if "torch" in sys.modules:  # imported by the first version that has a network
+            limit_torch_threads(threads)
+        counting.loaded(twin)
+        return CountedTwin.of(twin, counting.predicted)
+
     registry = TwinRegistry(
-        store, settings.default_model, capacity=settings.max_resident_versions, refresh_s=settings.refresh_s
+        store,
+        settings.default_model,
+        capacity=settings.max_resident_versions,
+        refresh_s=settings.refresh_s,
+        prepare=prepare,
     )
     state = lifecycle or Lifecycle()
+    jobs = JobQueue.open(settings.jobs_url(), settings.max_queued_jobs) if settings.admin_token else None
+    worker = WorkerSupervisor(settings) if settings.admin_token and settings.start_worker else None
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[LifespanState]:
-        threads = settings.threads or available_cpus()
-        limit_torch_threads(threads)
         parts = Services(
             settings=settings,
             lifecycle=state,
@@ -58,22 +100,42 @@ def create_app(settings: Settings, lifecycle: Lifecycle | None = None) -> FastAP
             registry=registry,
             predictions=Line("predictions", threads, settings.max_waiting),
             storage=Line("store reads", _STORAGE_THREADS, settings.max_waiting),
+            instruments=counting,
+            jobs=jobs,
+            worker=worker,
         )
+
+        async def start() -> None:
+            await anyio.to_thread.run_sync(registry.start)
+            await anyio.to_thread.run_sync(remove_forgotten_uploads)
+            if worker:  # only now: what starts must not wait for processor time
+                await worker.run()
+
         async with anyio.create_task_group() as tasks:
             # beside the start, not before it: a slow store must not make the process look dead
-            tasks.start_soon(anyio.to_thread.run_sync, registry.start)
+            tasks.start_soon(start)
             yield LifespanState(services=parts)
+            if worker:
+                worker.end()
         await anyio.to_thread.run_sync(registry.close)
+        if jobs:
+            await anyio.to_thread.run_sync(jobs.close)
 
-    return _assemble(lifespan, settings.max_body_bytes)
+    app = _assemble(lifespan, counting, settings.max_body_bytes, settings.max_upload_bytes)
+    _prepare_routes(app)
+    return app
 
 
 def openapi_document() -> dict[str, Any]:
     """The OpenAPI document, without a store or a server. The same for all settings."""
-    return document_of(_assemble(None, Settings.model_fields["max_body_bytes"].default))
+    fields = Settings.model_fields
+    limits = (fields[name].default for name in ("max_body_bytes", "max_upload_bytes"))
+    return document_of(_assemble(None, Instruments(), *limits))
 
 
-def _assemble(lifespan: _Lifespan | None, max_body_bytes: int) -> FastAPI:
+def _assemble(
+    lifespan: _Lifespan | None, instruments: Instruments, max_body_bytes: int, max_upload_bytes: int
+) -> FastAPI:
     app = FastAPI(
         title="Rover Twin",
         version=service.__version__,
@@ -85,14 +147,31 @@ def _assemble(lifespan: _Lifespan | None, max_body_bytes: int) -> FastAPI:
         redirect_slashes=False,
         separate_input_output_schemas=False,
     )
-    app.add_middleware(BodyLimit, limit_bytes=max_body_bytes)
-    app.add_middleware(RequestLog)  # added last, so outermost
+    larger = {
+        ("POST", datasets.router.prefix): max_upload_bytes,
+        ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, max_body_bytes),
+    }
+    app.add_middleware(BodyLimit, limit_bytes=max_body_bytes, larger=larger)
+    app.add_middleware(AdminGate)
+    app.add_middleware(RequestLog, instruments=instruments)  # added last, so outermost
     errors.install(app)
+    app.include_router(predictions.router)  # first, for a request is compared with one address after the other
+    app.include_router(batch.router)
     docs.install(app)
-    for resource in (predictions, mobility, models, suggested_runs, health):
+    inference.install(app)
+    for resource in (mobility, models, suggested_runs, health, metrics, datasets, training_jobs):
         app.include_router(resource.router)
+    for router in (aliases.reading, aliases.moving, aliases.going_back):
+        app.include_router(router)
     app.openapi = lambda: document_of(app)  # type: ignore[method-assign] # FastAPI's documented way
     return app
+
+
+def _prepare_routes(app: FastAPI) -> None:
+    """Let FastAPI put its routers together now, a tenth of a second in all, and not while the first request waits."""
+    nowhere = {"type": "http", "method": "GET", "path": "/nowhere", "root_path": "", "headers": []}
+    for route in app.router.routes:
+        route.matches(nowhere)
 
 
 class Server(uvicorn.Server):
@@ -116,6 +195,11 @@ class Server(uvicorn.Server):
         else:
             super().handle_exit(sig, frame)
 
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """No new requests from here on: streams end, all others finish."""
+        self._lifecycle.ending = True
+        await super().shutdown(sockets)
+
     async def on_tick(self, counter: int) -> bool:
         """Called ten times a second; true ends the serving."""
         if not self.should_exit and self._ends_at is not None and time.monotonic() >= self._ends_at:
@@ -128,9 +212,37 @@ def run_server(settings: Settings) -> None:
 
     Raises what `create_app` raises, and SystemExit when the address cannot be listened on.
     """
+    if settings.workers > 1:
+        run_processes(settings)
+    else:
+        _serve(settings)
+
+
+def run_process(index: int, descriptor: int, folder: str) -> None:
+    """Be one of several server processes (`service.processes`): number `index`, on a socket that listens already.
+
+    The settings come on stdin; when it closes, the process that started this one is gone, and this one ends too.
+    """
+    settings = Settings.model_validate_json(sys.stdin.buffer.readline(_MOST_SETTINGS_BYTES))
+
+    def end_with_the_parent() -> None:
+        sys.stdin.buffer.read()
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=end_with_the_parent, name="parent's pipe", daemon=True).start()
+    with socket.socket(fileno=descriptor) as listener:
+        _serve(settings, Instruments.shared(folder, index), [listener])
+
+
+def _serve(
+    settings: Settings, instruments: Instruments | None = None, sockets: list[socket.socket] | None = None
+) -> None:
     configure_logging(settings.log_level, settings.log_format)
     lifecycle = Lifecycle()
-    Server(server_config(create_app(settings, lifecycle), settings), lifecycle, settings.drain_s).run()
+    config = server_config(create_app(settings, lifecycle, instruments), settings)
+    gc.collect()
+    gc.freeze()  # modules and routes stay for good: no collection need look through them while requests wait
+    Server(config, lifecycle, settings.drain_s).run(sockets)
 
 
 def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
@@ -139,6 +251,8 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
         app,
         host=settings.host,
         port=settings.port,
+        loop="uvloop",
+        http="httptools",
         ws="none",
         lifespan="on",
         log_config=None,  # log.py has configured it

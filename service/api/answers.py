@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Field
 
+from service.api.dataset_answers import DatasetUsers, ReportAnswer
 from service.twin import Frame, Outcome
 
 Metres = Annotated[list[float], Field(description="Metres, one per time.")]
@@ -233,8 +234,12 @@ class Problem(BaseModel):
     status: int
     detail: Annotated[str, Field(description="What happened here, in one line.")]
     instance: Annotated[str, Field(description="Path of the request.")]
-    errors: Annotated[list[ProblemError], Field(description="Only with invalid-input and outside-domain.")] = []
+    errors: Annotated[
+        list[ProblemError], Field(description="Only with invalid-input, outside-domain and dataset-rejected.")
+    ] = []
     domain: Annotated[DomainAnswer | None, Field(description="Only with outside-domain.")] = None
+    report: Annotated[ReportAnswer | None, Field(description="Only with dataset-rejected.")] = None
+    used_by: Annotated[DatasetUsers | None, Field(description="Only with dataset-in-use.")] = None
     error: Annotated[str, Field(description="The same text as `detail`.")]
 
 

@@ -2,27 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+import anyio
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.errors import BodyTooLargeError, answer_to
 
+_LINGER_S = 0.5
+_LINGER_BYTES = 16 << 20
+
 
 class BodyLimit:
-    """ASGI middleware; at most `limit_bytes` of a body are ever held. Starlette's own answers in plain text."""
+    """ASGI middleware; at most `limit_bytes` of a body get through. Starlette's own answers in plain text.
 
-    def __init__(self, app: ASGIApp, limit_bytes: int) -> None:
+    `larger` has other limits for single addresses, by (method, path).
+    """
+
+    def __init__(self, app: ASGIApp, limit_bytes: int, larger: Mapping[tuple[str, str], int] | None = None) -> None:
         self.app = app
         self.limit_bytes = limit_bytes
+        self.larger = dict(larger or {})
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        announced = Headers(scope=scope).get("content-length", "")
-        if announced.isdecimal() and (len(announced) > 18 or int(announced) > self.limit_bytes):
-            await answer_to(BodyTooLargeError(self.limit_bytes), scope["path"])(scope, receive, send)
+        path = scope["path"].removeprefix(scope.get("root_path", ""))
+        limit_bytes = self.larger.get((scope["method"], path), self.limit_bytes)
+        headers = Headers(scope=scope)
+        announced = headers.get("content-length", "")
+        if announced.isdecimal() and (len(announced) > 18 or int(announced) > limit_bytes):
+            # who waits for "100 Continue" has sent nothing yet, and will not
+            last = send if "expect" in headers else _lingering(receive, send)
+            await answer_to(BodyTooLargeError(limit_bytes), scope["path"])(scope, receive, last)
             return
         received = 0
 
@@ -30,8 +45,37 @@ class BodyLimit:
             nonlocal received
             message = await receive()
             received += len(message.get("body", b""))
-            if received > self.limit_bytes:
-                raise BodyTooLargeError(self.limit_bytes)
+            if received > limit_bytes:
+                raise BodyTooLargeError(limit_bytes)
             return message
 
-        await self.app(scope, counted, send)
+        lingering = _lingering(receive, send)
+
+        async def answering(message: Message) -> None:
+            await (lingering if received > limit_bytes else send)(message)
+
+        await self.app(scope, counted, answering)
+
+
+def _lingering(receive: Receive, send: Send) -> Send:
+    """Sends an answer whole, then reads on for a moment before the connection is closed.
+
+    To close at once, with the client's bytes unread, resets the connection: a client that is still sending would see
+    that instead of the answer.
+    """
+
+    async def lingering(message: Message) -> None:
+        if message["type"] != "http.response.body" or message.get("more_body"):
+            await send(message)
+            return
+        await send({**message, "more_body": True})
+        left = _LINGER_BYTES
+        with anyio.move_on_after(_LINGER_S):
+            while left > 0:
+                more = await receive()
+                left -= len(more.get("body", b""))
+                if not more.get("more_body"):  # the end, or a disconnect
+                    break
+        await send({"type": "http.response.body", "body": b""})
+
+    return lingering

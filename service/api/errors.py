@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 from urllib.parse import quote
 
@@ -14,7 +14,11 @@ from starlette.exceptions import HTTPException
 
 from model_store import (
     AliasNotFoundError,
+    AlreadyExistsError,
+    ConflictError,
     CorruptArtefactError,
+    DatasetNotFoundError,
+    InvalidDraftError,
     ModelNotFoundError,
     NotFoundError,
     StoreError,
@@ -22,13 +26,27 @@ from model_store import (
     UnsupportedFormatError,
     VersionNotFoundError,
 )
+from service.api.dataset_answers import report_document
 from service.api.encoders.json import domain_document
 from service.api.execution import OverloadedError
-from service.api.input_faults import InputFault, faults_of, printable, summary_of
+from service.api.inference.failures import failure, is_inference
+from service.api.input_faults import MAX_FAULTS, InputFault, faults_of, printable, summary_of
 from service.api.negotiation import NotAcceptableError
 from service.api.openapi import document_of
 from service.api.problems import PROBLEM_MEDIA_TYPE, PROBLEMS, Slug
-from service.errors import CheckpointError, InvalidValueError, RoverTwinError
+from service.datasets.findings import Finding
+from service.datasets.report import RejectedDatasetError
+from service.errors import (
+    CheckpointError,
+    DatasetError,
+    IdempotencyKeyError,
+    InvalidValueError,
+    JobNotFoundError,
+    JobStateError,
+    JobsUnavailableError,
+    QueueFullError,
+    RoverTwinError,
+)
 from service.learning.domain import DomainVerdict
 
 _log = structlog.get_logger(__name__)
@@ -59,6 +77,47 @@ class UnsupportedMediaTypeError(RoverTwinError):
     """A body came that does not say it is JSON."""
 
 
+class AdminOffError(RoverTwinError):
+    """An admin address was asked for, and no token is configured: then nobody may."""
+
+    def __init__(self) -> None:
+        super().__init__("the admin endpoints are off: ROVER_TWIN_ADMIN_TOKEN is not set")
+
+
+class UnauthorizedError(RoverTwinError):
+    """The admin token is missing, or (`wrong`) another one was sent."""
+
+    def __init__(self, message: str, *, wrong: bool) -> None:
+        self.challenge = 'Bearer realm="rover-twin"' + (', error="invalid_token"' if wrong else "")
+        super().__init__(message)
+
+
+class MalformedUploadError(RoverTwinError):
+    """The body of an upload cannot be taken apart, or ends before it should."""
+
+
+class UploadStalledError(RoverTwinError):
+    """An upload stopped coming in."""
+
+
+class DatasetInUseError(RoverTwinError):
+    """A dataset cannot be deleted: `versions` (name@number) and unfinished `jobs` (ids) name it."""
+
+    def __init__(self, dataset: str, versions: Sequence[str], jobs: Sequence[str]) -> None:
+        self.versions, self.jobs = list(versions), list(jobs)
+        users = [f"version {each}" for each in versions[:5]] + [f"training job {each}" for each in jobs[:5]]
+        more = len(self.versions) + len(self.jobs) - len(users)
+        super().__init__(f"dataset {dataset} is named by {', '.join(users)}" + (f" and {more} more" if more else ""))
+
+
+class PreconditionFailedError(RoverTwinError):
+    """What `If-Match` or `If-None-Match` demands does not hold (any more)."""
+
+
+class PreconditionRequiredError(RoverTwinError):
+    """A change of something that others may change too came without `If-Match`."""
+
+
 class BodyTooLargeError(HTTPException):
     """A request body is over the limit. A child of HTTPException: FastAPI hides all others that occur on reading."""
 
@@ -75,6 +134,23 @@ _SLUGS: tuple[tuple[type[Exception], Slug], ...] = (
     (UnsupportedMediaTypeError, Slug.UNSUPPORTED_MEDIA_TYPE),
     (NotAcceptableError, Slug.NOT_ACCEPTABLE),
     (OverloadedError, Slug.OVERLOADED),
+    (AdminOffError, Slug.ADMIN_OFF),
+    (UnauthorizedError, Slug.UNAUTHORIZED),
+    (MalformedUploadError, Slug.MALFORMED_BODY),
+    (UploadStalledError, Slug.UPLOAD_STALLED),
+    (DatasetInUseError, Slug.DATASET_IN_USE),
+    (PreconditionFailedError, Slug.PRECONDITION_FAILED),
+    (PreconditionRequiredError, Slug.PRECONDITION_REQUIRED),
+    (ConflictError, Slug.CONFLICT),
+    (JobNotFoundError, Slug.JOB_NOT_FOUND),
+    (JobStateError, Slug.JOB_ENDED),
+    (QueueFullError, Slug.QUEUE_FULL),
+    (IdempotencyKeyError, Slug.IDEMPOTENCY_KEY_REUSED),
+    (JobsUnavailableError, Slug.JOBS_UNAVAILABLE),
+    (AlreadyExistsError, Slug.CONFLICT),
+    (InvalidDraftError, Slug.DATASET_REJECTED),
+    (DatasetError, Slug.DATASET_REJECTED),
+    (DatasetNotFoundError, Slug.DATASET_NOT_FOUND),
     (ModelNotFoundError, Slug.MODEL_NOT_FOUND),
     (VersionNotFoundError, Slug.VERSION_NOT_FOUND),
     (AliasNotFoundError, Slug.ALIAS_NOT_FOUND),
@@ -91,9 +167,11 @@ _HTTP_SLUGS = {
     413: Slug.BODY_TOO_LARGE,
     415: Slug.UNSUPPORTED_MEDIA_TYPE,
 }
-_RETRY_LATER = frozenset({Slug.OVERLOADED, Slug.NOT_READY, Slug.STORE_UNAVAILABLE})
+_RETRY_LATER = frozenset({Slug.OVERLOADED, Slug.NOT_READY, Slug.STORE_UNAVAILABLE, Slug.JOBS_UNAVAILABLE})
+_HANG_UP = frozenset({Slug.BODY_TOO_LARGE, Slug.UPLOAD_STALLED})
 # where the store is and what its backend said is the operator's business: log it, do not tell
 _STORE_DOWN = "the model store does not answer"
+_JOBS_DOWN = "the database of the training jobs does not answer"
 
 
 def install(app: FastAPI) -> None:
@@ -128,7 +206,10 @@ def answer_to(error: Exception, path: str) -> Response:
     if slug is Slug.STORE_UNAVAILABLE:
         _log.error("the store is unavailable", reason=str(error))
         return problem(slug, _STORE_DOWN, path)
-    return problem(slug, str(error), path, dict(_members_of(error)))
+    if slug is Slug.JOBS_UNAVAILABLE:
+        _log.error("the training jobs are unavailable", reason=str(error))
+        return problem(slug, _JOBS_DOWN, path)
+    return problem(slug, str(error), path, dict(_members_of(error)), dict(_headers_of(error)))
 
 
 def problem(
@@ -147,9 +228,23 @@ def problem(
         **(members or {}),
     }
     headers = dict(headers or {}) | ({"Retry-After": "1"} if slug in _RETRY_LATER else {})
-    if slug is Slug.BODY_TOO_LARGE:
+    if slug in _HANG_UP:
         headers["Connection"] = "close"  # the rest of the body is not worth reading
+    if is_inference(path):
+        return failure(slug, detail, headers)
     return Response(orjson.dumps(document), kind.status, headers, PROBLEM_MEDIA_TYPE)
+
+
+def _rejection(finding: Finding) -> InputFault:
+    # its place is in the message, and apart in `report`
+    return InputFault("file", finding.file, f"no {finding.code}", str(finding))
+
+
+def _headers_of(error: Exception) -> Iterator[tuple[str, str]]:
+    if isinstance(error, UnauthorizedError):
+        yield "WWW-Authenticate", error.challenge
+    elif isinstance(error, QueueFullError):
+        yield "Retry-After", str(error.retry_after_s)
 
 
 def _members_of(error: Exception) -> Iterator[tuple[str, Any]]:
@@ -157,6 +252,11 @@ def _members_of(error: Exception) -> Iterator[tuple[str, Any]]:
         yield "errors", [fault.as_json() for fault in error.faults]
     elif isinstance(error, InvalidValueError):
         yield "errors", [InputFault(error.field, error.value, error.allowed, str(error)).as_json()]
+    elif isinstance(error, RejectedDatasetError):
+        yield "report", report_document(error.report)
+        yield "errors", [_rejection(each).as_json() for each in error.report.rejections[:MAX_FAULTS]]
+    elif isinstance(error, DatasetInUseError):
+        yield "used_by", {"versions": error.versions[:100], "jobs": error.jobs[:100]}
     elif isinstance(error, OutsideDomainError):
         yield "domain", domain_document(error.verdict)
         yield (

@@ -37,8 +37,11 @@ class Line:
 
         Raises OverloadedError when too many wait, and TimeoutError after `give_up_s` (the call then runs on, unseen).
         """
-        waiting = self._limiter.statistics().tasks_waiting
-        if waiting >= self._max_waiting and self._limiter.available_tokens < 1:
-            raise OverloadedError(f"{waiting} {self._what} are waiting already; try again in {RETRY_AFTER_S} s")
+        if self._limiter.available_tokens < 1:
+            waiting = self._limiter.statistics().tasks_waiting
+            if waiting >= self._max_waiting:
+                raise OverloadedError(f"{waiting} {self._what} are waiting already; try again in {RETRY_AFTER_S} s")
+        if give_up_s is None:
+            return await anyio.to_thread.run_sync(call, limiter=self._limiter)
         with anyio.fail_after(give_up_s):
-            return await anyio.to_thread.run_sync(call, limiter=self._limiter, abandon_on_cancel=give_up_s is not None)
+            return await anyio.to_thread.run_sync(call, limiter=self._limiter, abandon_on_cancel=True)

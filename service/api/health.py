@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
-import numpy as np
 from fastapi import APIRouter
 
 from model_store import StoreError
@@ -15,11 +12,10 @@ from service.api.openapi import problem_responses
 from service.api.problems import Slug
 from service.api.services import Parts, Services
 from service.errors import RoverTwinError
-from service.twin import Loaded, Scenario
+from service.twin import Loaded
+from service.twin.probe import probe
 
 PROBE_TIMEOUT_S = 3.0
-_PROBE = Scenario(slope_deg=10.0, mass_kg=430.0, torque_nm=60.0, horizon_s=1.0)
-_PROBE_TIMES_S = np.array([0.0, 0.5, 1.0])
 
 router = APIRouter(prefix="/health", tags=["health"])
 
@@ -37,7 +33,7 @@ async def ready(parts: Parts) -> ReadyAnswer:
         raise NotReadyError("the service is shutting down")
     default = parts.settings.default_model
     try:
-        loaded = await parts.storage.run(parts.registry.get, give_up_s=PROBE_TIMEOUT_S)
+        loaded = await parts.twin(give_up_s=PROBE_TIMEOUT_S)
         probe = await parts.predictions.run(lambda: _probe(loaded), give_up_s=PROBE_TIMEOUT_S)
     except (RoverTwinError, StoreError) as error:
         if isinstance(error, OverloadedError):
@@ -49,10 +45,8 @@ async def ready(parts: Parts) -> ReadyAnswer:
 
 
 def _probe(loaded: Loaded) -> Probe:
-    began = time.perf_counter()
-    prediction = loaded.twin.predict(_PROBE, _PROBE_TIMES_S)
-    took_ms = (time.perf_counter() - began) * 1000
-    return Probe(final_x_m=prediction.summary.final_x_m, compute_ms=round(took_ms, 3))
+    probed = probe(loaded.twin)
+    return Probe(final_x_m=probed.final_x_m, compute_ms=round(probed.took_s * 1000, 3))
 
 
 def _identity(loaded: Loaded) -> ModelIdentity:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +14,6 @@ from service.api.inputs import ALLOWED
 MAX_SHOWN = 100
 MAX_FAULTS = 20
 _NO_NUMBER = frozenset({"float_type", "float_parsing"})
-_KNOWN_FIELDS = "one of " + ", ".join(ALLOWED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,14 +40,17 @@ def fault(field: str, value: object, allowed: str) -> InputFault:
     return InputFault(field, value, allowed, f"{_short(field)} is {_said(value)}, allowed is {allowed}")
 
 
-def unknown_field(field: str, value: object, allowed: str = _KNOWN_FIELDS) -> InputFault:
+def unknown_field(field: str, value: object, allowed: str) -> InputFault:
     """A field that does not exist, most often misspelt."""
     return InputFault(field, value, allowed, f"there is no field '{_short(field)}'; allowed is {allowed}")
 
 
-def faults_of(errors: Sequence[Mapping[str, Any]]) -> list[InputFault]:
-    """The faults in pydantic's list of errors, at most 20, each field once (a union has an error for each member)."""
-    faults = {each.field: each for each in map(_fault_of, reversed(errors))}
+def faults_of(errors: Sequence[Mapping[str, Any]], allowed: Mapping[str, str] = ALLOWED) -> list[InputFault]:
+    """The faults in pydantic's list of errors, at most 20, each field once (a union has an error for each member).
+
+    `allowed` says in words what each known field accepts: unless told, those of a prediction.
+    """
+    faults = {each.field: each for each in (_fault_of(error, allowed) for error in reversed(errors))}
     return list(reversed(faults.values()))[:MAX_FAULTS]
 
 
@@ -71,19 +74,27 @@ def echo(value: object) -> object:
     return _short(str(value))
 
 
-def _fault_of(error: Mapping[str, Any]) -> InputFault:
+def _fault_of(error: Mapping[str, Any], known: Mapping[str, str]) -> InputFault:
     # the first part says where the field was (query, path, body); list positions say too little to be shown
     path = [part for part in error["loc"][1:] if isinstance(part, str)]
-    field = path[0] if path and path[0] in ALLOWED else ".".join(path) or "body"
+    whole = ".".join(path)
     value = error.get("input")
     if error["type"] == "extra_forbidden":
-        return unknown_field(field, value)
-    allowed = ALLOWED.get(field, _other_allowed(error))
+        return unknown_field(whole, value, "one of " + ", ".join(known))
+    field = path[0] if path and whole not in known and path[0] in known else whole or "body"
+    allowed = _choices(error) or known.get(field, _other_allowed(error))
     if error["type"] == "missing" and field != "body":
         return InputFault(field, None, allowed, f"{field} is missing, allowed is {allowed}")
     if error["type"] in _NO_NUMBER:
         return InputFault(field, value, allowed, f"{field} is {_said(value)}, which is no number; allowed is {allowed}")
     return fault(field, value, allowed)
+
+
+def _choices(error: Mapping[str, Any]) -> str:
+    """What a field with a few words allows on this very route; empty for all other errors."""
+    if error["type"] != "enum" or not isinstance(error["loc"][-1], str):
+        return ""
+    return "one of " + ", ".join(re.findall("'([^']*)'", error["ctx"]["expected"]))
 
 
 def _said(value: object) -> str:

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import math
 from enum import StrEnum
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+import numpy as np
+import orjson
+from pydantic import BaseModel, BeforeValidator, ConfigDict, FailFast, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from service.allowed import allowed_values
-from service.api.encoders import Format
+from service.allowed import allowed_fields
+from service.api.encoders import Format, TableFormat
 from service.errors import InvalidValueError
 from service.learning.band import HIGHEST_LEVEL, LOWEST_LEVEL, USUAL_LEVEL
+from service.physics.scenario import Array
 from service.settings import LIMITS
-from service.twin import Frame
+from service.twin import Frame, Scenario, sample_times
 from service.twin.scenario import sample_count
 
 _REFERENCE = r"^[a-z0-9][a-z0-9-]{0,62}(@([a-z][a-z0-9-]{0,62}|[1-9][0-9]{0,8}))?$"
+
+_Time = Annotated[float, Field(ge=0, le=LIMITS.horizon_s[1])]
+_TIMES = f"rising times from 0 to {LIMITS.horizon_s[1]:g}, the last one at least {LIMITS.horizon_s[0]:g}"
 
 
 class Include(StrEnum):
@@ -59,7 +65,7 @@ class PredictionInputs(BaseModel):
         Field(
             ge=LIMITS.horizon_s[0],
             le=LIMITS.horizon_s[1],
-            description="How far to predict, in seconds from rest.",
+            description="How far to predict, in seconds from rest. With `times_s` it is the last of them.",
             examples=[10],
         ),
     ] = 10.0
@@ -73,6 +79,18 @@ class PredictionInputs(BaseModel):
             examples=[0.05],
         ),
     ] = 0.05
+    times_s: Annotated[
+        list[_Time],
+        FailFast(),
+        Field(
+            min_length=1,
+            description="The times to answer at, in seconds from rest, rising; instead of `dt_s`. The last one is the "
+            "horizon. At most 100,000 unless the operator set another limit.",
+            examples=[[0, 0.5, 2, 10]],
+            default_factory=list,  # empty: left out; nobody can send that
+            json_schema_extra={"x-allowed": _TIMES},
+        ),
+    ]
     model: Annotated[
         str,
         Field(
@@ -121,6 +139,40 @@ class PredictionInputs(BaseModel):
         """The level of the band that was asked for; None without `include=band`."""
         return self.band_level if Include.BAND in self.include else None
 
+    def question(self) -> bytes:
+        """What decides the answer of a given version, in one way only; the same for questions that mean the same."""
+        fields = self.model_dump(exclude={"model", "format", "include", "band_level"})
+        fields |= {"include": sorted(set(self.include)), "band_level": self.wanted_band_level}
+        return orjson.dumps(fields)
+
+    @property
+    def points(self) -> int:
+        """How many points the trajectory has. Never fewer than what `sampled` returns."""
+        return len(self.times_s) if self.times_s else sample_count(self.horizon_s, self.dt_s)
+
+    def sampled(self) -> tuple[Scenario, Array]:
+        """The scenario, and the times to answer at: shape (time,), s, the last one the scenario's horizon.
+
+        Raises InvalidValueError for times that do not rise, end too early or at another time than a horizon that was
+        given, and for times beside a step.
+        """
+        times = self._own_times() if self.times_s else sample_times(self.horizon_s, self.dt_s)
+        return Scenario(self.slope_deg, self.mass_kg, self.torque_nm, float(times[-1])), times
+
+    def _own_times(self) -> Array:
+        times = np.array(self.times_s, dtype=np.float64)
+        steps = np.diff(times)
+        if not (steps > 0).all():
+            at = int((steps <= 0).argmax())
+            raise InvalidValueError("times_s", f"{times[at]:.12g}, {times[at + 1]:.12g}", _TIMES)
+        if times[-1] < LIMITS.horizon_s[0]:
+            raise InvalidValueError("times_s", float(times[-1]), _TIMES)
+        if "dt_s" in self.model_fields_set:
+            raise InvalidValueError("dt_s", self.dt_s, "nothing beside times_s: one of them says when to answer")
+        if "horizon_s" in self.model_fields_set and self.horizon_s != times[-1]:
+            raise InvalidValueError("horizon_s", self.horizon_s, f"the last of times_s, which is {times[-1]:.12g}")
+        return times
+
 
 class PredictionBody(PredictionInputs):
     """A prediction asked for as a JSON object. Numbers must be numbers: `"28"` and `true` are refused."""
@@ -130,15 +182,23 @@ class PredictionBody(PredictionInputs):
     )
 
 
+_FORMAT = Field(description="Form of the answer; it wins over the `Accept` header. Without both, JSON.")
+
+
 class FormatQuery(BaseModel):
-    """How the answer is written; it belongs to the address, not to the scenario."""
+    """How a prediction is written; it belongs to the address, not to the scenario."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    format: Annotated[
-        Format | SkipJsonSchema[None],
-        Field(description="Form of the answer; it wins over the `Accept` header. Without both, JSON."),
-    ] = None
+    format: Annotated[Format | SkipJsonSchema[None], _FORMAT] = None
+
+
+class TableFormatQuery(BaseModel):
+    """How an answer that is no trajectory is written."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Annotated[TableFormat | SkipJsonSchema[None], _FORMAT] = None
 
 
 def _split_commas(value: object) -> object:
@@ -159,35 +219,34 @@ class PredictionQuery(FormatQuery, PredictionInputs):
             description=str(PredictionInputs.model_fields["include"].description) + " Several with commas.",
         ),
     ] = []
+    times_s: Annotated[
+        list[_Time],
+        FailFast(),
+        BeforeValidator(_split_commas),
+        Field(
+            min_length=1,
+            description=str(PredictionInputs.model_fields["times_s"].description) + " With commas between them; a long "
+            "list is for a POST.",
+            examples=[[0, 0.5, 2, 10]],
+            default_factory=list,  # empty: left out; nobody can send that
+            json_schema_extra={"x-allowed": _TIMES},
+        ),
+    ]
 
 
-def _allowed() -> dict[str, str]:
-    schema: dict[str, Any] = PredictionQuery.model_json_schema()
-    definitions = schema.get("$defs", {})
-
-    def resolved(node: dict[str, Any]) -> dict[str, Any]:
-        node = {**definitions.get(node.get("$ref", "").rpartition("/")[2], {}), **node}
-        if "items" in node:
-            node["items"] = resolved(node["items"])
-        if "anyOf" in node:
-            node["anyOf"] = [resolved(part) for part in node["anyOf"]]
-        return node
-
-    return {name: allowed_values(resolved(field)) for name, field in schema["properties"].items()}
-
-
-ALLOWED = _allowed()
+ALLOWED = allowed_fields(PredictionQuery.model_json_schema())
 """What each field of a prediction accepts, in words."""
 
 
 def require_few_points(asked: PredictionInputs, max_points: int) -> None:
     """Raises InvalidValueError, with the steps that this horizon allows, for more than `max_points` points."""
-    if sample_count(asked.horizon_s, asked.dt_s) > max_points:
-        finest = smallest_step_s(asked.horizon_s, max_points)
-        allowed = (
-            f"{finest:g} to {LIMITS.dt_s[1]:g} for a horizon_s of {asked.horizon_s:g} (at most {max_points} points)"
-        )
-        raise InvalidValueError("dt_s", asked.dt_s, allowed)
+    if asked.points <= max_points:
+        return
+    if asked.times_s:
+        raise InvalidValueError("times_s", f"{asked.points} times", f"at most {max_points} times")
+    finest = smallest_step_s(asked.horizon_s, max_points)
+    allowed = f"{finest:g} to {LIMITS.dt_s[1]:g} for a horizon_s of {asked.horizon_s:g} (at most {max_points} points)"
+    raise InvalidValueError("dt_s", asked.dt_s, allowed)
 
 
 def smallest_step_s(horizon_s: float, max_points: int) -> float:

@@ -9,19 +9,21 @@ from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
+import orjson
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from service.allowed import allowed_values
+from service.allowed import allowed_fields
 from service.api.answers import MobilityAnswer
-from service.api.encoders import ENCODERS, Format
+from service.api.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
+from service.api.encoders import MEDIA_TYPES, TableFormat
 from service.api.encoders.numbers import dump
 from service.api.errors import InvalidInputError
-from service.api.input_faults import MAX_FAULTS, InputFault, echo, fault, faults_of, unknown_field
-from service.api.inputs import FormatQuery, PredictionInputs
+from service.api.input_faults import MAX_FAULTS, InputFault, echo, fault, faults_of
+from service.api.inputs import PredictionInputs, TableFormatQuery
 from service.api.negotiation import choose_format
 from service.api.openapi import problem_responses
 from service.api.problems import Slug
@@ -90,7 +92,7 @@ class MobilityInputs(BaseModel):
         return _axis("slope_max_deg", "slope_min_deg", self.slope_min_deg, self.slope_max_deg, self.slope_steps)
 
 
-class MobilityQuery(FormatQuery, MobilityInputs):
+class MobilityQuery(TableFormatQuery, MobilityInputs):
     """A map asked for in the query of a GET; text becomes numbers."""
 
 
@@ -100,22 +102,12 @@ def _axis(highest_name: str, lowest_name: str, lowest: float, highest: float, st
     return np.linspace(lowest, highest, steps if highest > lowest else 1)
 
 
-ALLOWED = {name: allowed_values(schema) for name, schema in MobilityInputs.model_json_schema()["properties"].items()}
-_KNOWN_FIELDS = "one of " + ", ".join([*ALLOWED, "format"])
+ALLOWED = allowed_fields(MobilityQuery.model_json_schema())
 
 
 def mobility_faults(errors: Sequence[Mapping[str, Any]]) -> list[InputFault]:
-    """The faults in pydantic's list of errors, each field once, in the words of predictions."""
-    faults = {each.field: each for each in map(_fault_of, errors)}
-    return list(faults.values())[:MAX_FAULTS]
-
-
-def _fault_of(error: Mapping[str, Any]) -> InputFault:
-    field = str(error["loc"][1])
-    if error["type"] == "extra_forbidden":
-        return unknown_field(field, error.get("input"), _KNOWN_FIELDS)
-    # fields that predictions do not have are described by the text that is found here
-    return faults_of([{**error, "loc": error["loc"][:2], "ctx": {"error": ALLOWED.get(field, error["msg"])}}])[0]
+    """The faults in pydantic's list of errors, in the words of a map's fields."""
+    return faults_of(errors, ALLOWED)
 
 
 class _MobilityRoute(APIRoute):
@@ -160,8 +152,10 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
                 "schema": {"type": "string"},
                 "description": "Confidence of the steepest slopes; `none` when the version has no band.",
             },
+            **CACHE_HEADERS,
         },
     },
+    **NOT_MODIFIED,
     **problem_responses(
         Slug.INVALID_INPUT,
         Slug.MODEL_NOT_FOUND,
@@ -181,22 +175,27 @@ router = APIRouter(prefix="/v1/mobility", tags=["mobility"], responses=_RESPONSE
 @router.get("", summary="Where the rover climbs, stalls and slides", response_class=Response, response_model=None)
 async def get_mobility(asked: Annotated[MobilityQuery, Query()], request: Request, parts: Parts) -> Response:
     """Over slope x torque for one mass: outcome, speed, slip, and for each torque the steepest slope surely climbed."""
-    form = choose_format(asked.format, request.headers.get("accept"))
+    form = choose_format(asked.format, request.headers.get("accept"), TableFormat)
     torques, slopes = asked.torques_nm(), asked.slopes_deg()
     loaded = await parts.storage.run(lambda: parts.registry.get(asked.model))
-    return await parts.predictions.run(lambda: _computed(asked, torques, slopes, form, loaded))
+    question = orjson.dumps(asked.model_dump(exclude={"model", "format"}))
+    delivery = Delivery.of(request, MEDIA_TYPES[form], text=True).cacheable(request, loaded, asked.model, question)
+    if nothing_new := delivery.not_modified():
+        return nothing_new
+    return await parts.predictions.run(lambda: _computed(asked, torques, slopes, form, loaded, delivery))
 
 
-def _computed(asked: MobilityInputs, torques: Array, slopes: Array, form: Format, loaded: Loaded) -> Response:
+def _computed(
+    asked: MobilityInputs, torques: Array, slopes: Array, form: TableFormat, loaded: Loaded, delivery: Delivery
+) -> Response:
     """Runs on a worker thread: everything that takes time, up to the bytes of the answer."""
     found = mobility_map(loaded.twin, asked.mass_kg, torques, slopes, asked.horizon_s, asked.confidence)
     headers = {
-        "Vary": "Accept",
         "Rover-Twin-Model": f"{loaded.twin.name}@{loaded.twin.version}",
         "Rover-Twin-Confidence": "none" if found.confidence is None else f"{found.confidence:g}",
     }
-    body = dump(document_of(loaded, found)) if form is Format.JSON else table_of(found).encode()
-    return Response(body, headers=headers, media_type=ENCODERS[form].media_type)
+    body = dump(document_of(loaded, found)) if form is TableFormat.JSON else table_of(found).encode()
+    return delivery.response(body, headers)
 
 
 def document_of(loaded: Loaded, found: MobilityMap) -> dict[str, Any]:

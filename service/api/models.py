@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, Path, Request, Response
 from pydantic import BeforeValidator
 
 from model_store import (
     AliasNotFoundError,
-    AliasRecord,
     CorruptArtefactError,
     Manifest,
     ModelNotFoundError,
@@ -18,28 +17,22 @@ from model_store import (
     layout,
 )
 from model_store.references import DEFAULT_ALIAS
-from service.api.answers import (
-    AliasAnswer,
-    AliasesAnswer,
-    AliasHistoryAnswer,
-    ModelAnswer,
-    ModelEntry,
-    ModelsAnswer,
-)
+from service.api.answers import ModelAnswer, ModelEntry, ModelsAnswer
+from service.api.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
+from service.api.encoders.numbers import dump
 from service.api.openapi import problem_responses
 from service.api.problems import Slug
 from service.api.services import Parts
 
+MODEL_PROBLEMS = (Slug.ARTEFACT_CORRUPT, Slug.UNSUPPORTED_FORMAT, Slug.STORE_UNAVAILABLE, Slug.OVERLOADED)
+
 router = APIRouter(
     prefix="/v1/models",
     tags=["models"],
-    responses=problem_responses(
-        Slug.ARTEFACT_CORRUPT, Slug.UNSUPPORTED_FORMAT, Slug.STORE_UNAVAILABLE, Slug.OVERLOADED
-    ),
+    responses=problem_responses(*MODEL_PROBLEMS),
 )
 
 _NO_MODEL = problem_responses(Slug.MODEL_NOT_FOUND)
-_NO_ALIAS = problem_responses(Slug.MODEL_NOT_FOUND, Slug.ALIAS_NOT_FOUND)
 
 
 def _plain_integer(value: object) -> object:
@@ -67,55 +60,40 @@ async def list_models(parts: Parts) -> ModelsAnswer:
 @router.get("/{name}", summary="One model", responses=_NO_MODEL)
 async def get_model(name: Name, parts: Parts) -> ModelAnswer:
     """A model with its versions, aliases and description."""
-    _require_name(name)
+    require_name(name)
     return await parts.storage.run(lambda: _described(parts.store, name))
 
 
 @router.get(
     "/{name}/versions/{version}",
     summary="The manifest of a version",
+    response_class=Response,
     response_model=None,
     responses=problem_responses(Slug.MODEL_NOT_FOUND, Slug.VERSION_NOT_FOUND, Slug.INVALID_INPUT)
-    | {200: {"model": Manifest, "description": "The manifest as it was published."}},
+    | NOT_MODIFIED
+    | {200: {"model": Manifest, "description": "The manifest as it was published.", "headers": CACHE_HEADERS}},
 )
-async def get_version(name: Name, version: Version, parts: Parts) -> dict[str, Any]:
+async def get_version(name: Name, version: Version, request: Request, parts: Parts) -> Response:
     """What the version is, where it holds, how good it is and what it was made from."""
-    _require_name(name)
-    manifest = await parts.storage.run(lambda: parts.store.manifest(name, version))
-    return manifest.model_dump(mode="json")
+    require_name(name)
+    return await parts.storage.run(lambda: _manifest(parts.store, name, version, request))
 
 
-@router.get("/{name}/aliases", summary="The aliases of a model", responses=_NO_MODEL)
-async def list_aliases(name: Name, parts: Parts) -> AliasesAnswer:
-    """Where each alias points now."""
-    _require_name(name)
-    records = await parts.storage.run(lambda: parts.store.aliases(name))
-    return AliasesAnswer(aliases={alias: _answer(record) for alias, record in records.items()})
-
-
-@router.get("/{name}/aliases/{alias}", summary="One alias", responses=_NO_ALIAS)
-async def get_alias(name: Name, alias: Alias, parts: Parts) -> AliasAnswer:
-    """Where the alias points now."""
-    _require_name(name, alias)
-    return _answer(await parts.storage.run(lambda: parts.store.alias(name, alias)))
-
-
-@router.get("/{name}/aliases/{alias}/history", summary="The history of an alias", responses=_NO_ALIAS)
-async def get_alias_history(name: Name, alias: Alias, parts: Parts) -> AliasHistoryAnswer:
-    """Every move of the alias, newest first."""
-    _require_name(name, alias)
-    records = await parts.storage.run(lambda: parts.store.alias_history(name, alias))
-    return AliasHistoryAnswer(history=[_answer(record) for record in reversed(records)])
-
-
-def _require_name(name: str, alias: str | None = None) -> None:
-    """In an address a malformed name is simply one that does not exist."""
+def require_name(name: str, alias: str | None = None) -> None:
+    """Raises ModelNotFoundError or AliasNotFoundError: in an address a malformed name is one that does not exist."""
     if not layout.is_name(name):
         raise ModelNotFoundError(f"no model '{name[:100]}': names have a-z, 0-9 and '-', at most 63 characters")
     if alias is not None and not layout.is_alias(alias):
         raise AliasNotFoundError(
             f"model '{name}' has no alias '{alias[:100]}': aliases have a-z, 0-9 and '-' and start with a letter"
         )
+
+
+def _manifest(store: ModelStore, name: str, version: int, request: Request) -> Response:
+    """Read even for a 304: a version that is gone or damaged must not seem to be well."""
+    body = dump(store.manifest(name, version).model_dump(mode="json"))
+    delivery = Delivery.of(request, "application/json", text=True, negotiated=False).tagged(request, body, fixed=True)
+    return delivery.not_modified() or delivery.response(body)
 
 
 def _all_models(store: ModelStore) -> ModelsAnswer:
@@ -140,9 +118,3 @@ def _described(store: ModelStore, name: str) -> ModelAnswer:
     shown = entry.aliases.get(DEFAULT_ALIAS, entry.versions[-1])
     description = store.manifest(name, shown).description
     return ModelAnswer(**entry.model_dump(), description=description)
-
-
-def _answer(record: AliasRecord) -> AliasAnswer:
-    return AliasAnswer(
-        version=record.version, seq=record.seq, time=record.time, actor=record.actor, reason=record.reason
-    )

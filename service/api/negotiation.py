@@ -2,30 +2,43 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
+from functools import lru_cache
+from typing import TypeVar
+
 import mimeparse
 
-from service.api.encoders import ENCODERS, Format
+from service.api.encoders import MEDIA_TYPES
 from service.errors import RoverTwinError
 
-# in order of increasing desirability: of equal wishes the last one wins
-_MEDIA_TYPES = {ENCODERS[form].media_type: form for form in reversed(Format)}
+Form = TypeVar("Form", bound=StrEnum)
 
 
 class NotAcceptableError(RoverTwinError):
     """The `Accept` header lists nothing that is available."""
 
 
-def choose_format(asked: Format | None, accept: str | None) -> Format:
-    """The form to answer in. Raises NotAcceptableError when `accept` rules out all of them or cannot be read."""
+def choose_format(asked: Form | None, accept: str | None, forms: type[Form]) -> Form:
+    """The form to answer in, one of `forms`: without a wish their first, JSON.
+
+    Raises NotAcceptableError when `accept` rules out all of them or cannot be read.
+    """
     if asked is not None:
         return asked
-    if not accept or not accept.strip():
-        return Format.JSON
-    try:
-        best = mimeparse.best_match(list(_MEDIA_TYPES), accept.lower())
-    except mimeparse.MimeTypeParseException:
-        best = ""
-    if not best:
-        available = ", ".join(encoder.media_type for encoder in ENCODERS.values())
+    if not accept or accept.isspace() or accept == "*/*":
+        return next(iter(forms))
+    best = _best(accept.lower(), tuple(forms))
+    if best is None:
+        available = ", ".join(MEDIA_TYPES[form] for form in forms)
         raise NotAcceptableError(f"Accept is '{accept[:100]}', available are {available}")
-    return _MEDIA_TYPES[best]
+    return forms(best)
+
+
+@lru_cache(maxsize=256)
+def _best(accept: str, forms: tuple[str, ...]) -> str | None:
+    # mimeparse wants increasing desirability: of equal wishes the last one wins
+    names = {MEDIA_TYPES[form]: form for form in reversed(forms)}
+    try:
+        return names.get(mimeparse.best_match(list(names), accept))
+    except mimeparse.MimeTypeParseException:
+        return None

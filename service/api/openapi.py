@@ -7,6 +7,7 @@ from typing import Any
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
+from pydantic import BaseModel
 
 from service.api.answers import Problem
 from service.api.problems import PROBLEM_MEDIA_TYPE, PROBLEMS, ProblemKind, Slug
@@ -80,3 +81,20 @@ def _without_defaults(document: dict[str, Any]) -> None:
                 operation["responses"].pop("422", None)
     for name in ("HTTPValidationError", "ValidationError"):
         document["components"]["schemas"].pop(name, None)
+
+
+def inlined_schema(model: type[BaseModel]) -> dict[str, Any]:
+    """A JSON schema without references, for bodies that FastAPI does not read."""
+    schema = model.model_json_schema()
+    definitions = schema.pop("$defs", {})
+
+    def resolved(node: object) -> object:
+        if isinstance(node, list):
+            return [resolved(each) for each in node]
+        if not isinstance(node, dict):
+            return node
+        if "$ref" in node:
+            return resolved(definitions[node["$ref"].rpartition("/")[2]])
+        return {name: resolved(each) for name, each in node.items()}
+
+    return {name: resolved(each) for name, each in schema.items()}

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
-from collections import Counter
-from collections.abc import Sequence
-from email.message import Message
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Body, Depends, HTTPException, Query, Request, Response
+from fastapi import APIRouter, Body, Depends, Query, Request, Response
 
 from service.api.answers import PredictionAnswer
+from service.api.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.encoders import ENCODERS, Format, Subject
-from service.api.errors import InvalidInputError, OutsideDomainError, UnsupportedMediaTypeError
-from service.api.input_faults import MAX_FAULTS, InputFault, echo, fault
+from service.api.errors import OutsideDomainError
 from service.api.inputs import (
     ALLOWED,
     FormatQuery,
@@ -23,19 +19,31 @@ from service.api.inputs import (
     PredictionQuery,
     require_few_points,
 )
+from service.api.json_body import require_json_object, require_unique
 from service.api.negotiation import choose_format
 from service.api.openapi import problem_responses
 from service.api.problems import Slug
 from service.api.services import Parts, Services
-from service.twin import Loaded, Scenario, sample_times
+from service.twin import Loaded
 
-_MAY_REPEAT = frozenset({"include"})
+_MAY_REPEAT = frozenset({"include", "times_s"})
+_MEANINGS = {
+    Format.NPZ: "NumPy archive: a float64 array for each column, and `metadata`, JSON text.",
+    Format.ARROW: "Arrow IPC stream: one record batch, a float64 column each; the schema's metadata is JSON text.",
+    Format.USDA: "USD text layer: the rover as time samples of `/Rover`, Z-up, metres.",
+    Format.SVG: "Plot of the position against time.",
+    Format.PNG: "The plot as pixels.",
+}
 _RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
         "model": PredictionAnswer,
         "description": "The trajectory, in the form asked for.",
         "content": {
-            "text/csv": {"schema": {"type": "string"}, "example": "time_s,x_m,y_m\n0.0,0.0,0.0\n0.05,0.0001,0.0\n"}
+            "text/csv": {"schema": {"type": "string"}, "example": "time_s,x_m,y_m\n0.0,0.0,0.0\n0.05,0.0001,0.0\n"},
+            **{
+                ENCODERS[form].media_type: {"schema": {"type": "string", "description": meaning}}
+                for form, meaning in _MEANINGS.items()
+            },
         },
         "headers": {
             "Rover-Twin-Model": {
@@ -69,41 +77,12 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
 
 async def _no_repeated_query(request: Request) -> None:
     """Two values for one field are a mistake; taking either would be a guess."""
-    _require_unique(request.query_params.multi_items(), _MAY_REPEAT)
+    require_unique(request.query_params.multi_items(), ALLOWED, _MAY_REPEAT)
 
 
 async def _json_object_without_repeats(request: Request) -> None:
     """The body says that it is JSON, and names no field twice."""
-    sent = request.headers.get("content-type", "")
-    message = Message()
-    message["content-type"] = sent
-    kind = message.get_content_subtype()
-    if not sent or message.get_content_maintype() != "application" or not (kind == "json" or kind.endswith("+json")):
-        said = repr(sent[:100]) if sent else "missing"
-        raise UnsupportedMediaTypeError(f"Content-Type is {said}, allowed is application/json")
-    body = await request.body()
-    if body:  # FastAPI has parsed it once already, so it is JSON; it is small
-        try:
-            json.loads(body, object_pairs_hook=_without_repeats)
-        except RecursionError as error:
-            raise HTTPException(400) from error
-
-
-def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    _require_unique(pairs)
-    return dict(pairs)
-
-
-def _require_unique(pairs: Sequence[tuple[str, Any]], may_repeat: frozenset[str] = frozenset()) -> None:
-    times = Counter(name for name, _ in pairs)
-    repeated = [name for name, count in times.items() if count > 1 and name not in may_repeat]
-    if repeated:
-        raise InvalidInputError(*(_repeated(name, pairs) for name in repeated[:MAX_FAULTS]))
-
-
-def _repeated(name: str, pairs: Sequence[tuple[str, Any]]) -> InputFault:
-    values = ", ".join(str(echo(value)) for each, value in pairs if each == name)
-    return fault(name, values, f"one value only, {ALLOWED.get(name, 'if the field were known')}")
+    await require_json_object(request, ALLOWED)
 
 
 router = APIRouter(
@@ -111,10 +90,17 @@ router = APIRouter(
 )
 
 
-@router.get("", summary="Predict one scenario", response_class=Response, response_model=None)
+@router.get(
+    "",
+    summary="Predict one scenario",
+    response_class=Response,
+    response_model=None,
+    responses=NOT_MODIFIED | {200: {**_RESPONSES[200], "headers": {**_RESPONSES[200]["headers"], **CACHE_HEADERS}}},
+)
 async def get_prediction(asked: Annotated[PredictionQuery, Query()], request: Request, parts: Parts) -> Response:
     """Where the rover goes on this slope with this mass and torque, and whether the model knows such scenarios."""
-    return await _predict(asked, choose_format(asked.format, request.headers.get("accept")), parts)
+    form = choose_format(asked.format, request.headers.get("accept"), Format)
+    return await _predict(asked, form, request, parts)
 
 
 @router.post(
@@ -129,23 +115,26 @@ async def post_prediction(
     asked: Annotated[PredictionBody, Body()], form: Annotated[FormatQuery, Query()], request: Request, parts: Parts
 ) -> Response:
     """The same as the GET, with the fields as one JSON object; `format` stays in the address."""
-    return await _predict(asked, choose_format(form.format, request.headers.get("accept")), parts)
+    return await _predict(asked, choose_format(form.format, request.headers.get("accept"), Format), request, parts)
 
 
-async def _predict(asked: PredictionInputs, form: Format, parts: Services) -> Response:
+async def _predict(asked: PredictionInputs, form: Format, request: Request, parts: Services) -> Response:
     require_few_points(asked, parts.settings.max_points)
-    loaded = await parts.storage.run(lambda: parts.registry.get(asked.model))
-    return await parts.predictions.run(lambda: _computed(asked, form, loaded))
+    loaded = await parts.twin(asked.model)
+    delivery = Delivery.of(request, ENCODERS[form].media_type, text=ENCODERS[form].text)
+    if request.method == "GET":
+        delivery = delivery.cacheable(request, loaded, asked.model, asked.question())
+        if nothing_new := delivery.not_modified():
+            return nothing_new
+    return await parts.predictions.run(lambda: _computed(asked, form, loaded, delivery))
 
 
-def _computed(asked: PredictionInputs, form: Format, loaded: Loaded) -> Response:
+def _computed(asked: PredictionInputs, form: Format, loaded: Loaded, delivery: Delivery) -> Response:
     """Runs on a worker thread: everything that takes time, up to the bytes of the answer."""
-    scenario = Scenario(asked.slope_deg, asked.mass_kg, asked.torque_nm, asked.horizon_s)
-    times = sample_times(asked.horizon_s, asked.dt_s)
+    scenario, times = asked.sampled()
     prediction = loaded.twin.predict(scenario, times, asked.frame, asked.wanted_band_level)
     if asked.strict and not prediction.domain.inside:
         raise OutsideDomainError(f"{loaded.twin.name}@{loaded.twin.version}", prediction.domain)
     subject = Subject(loaded, prediction, with_prior=Include.PRIOR in asked.include)
     encoder = ENCODERS[form]
-    headers = {"Vary": "Accept", **encoder.headers(subject)}
-    return Response(encoder.encode(subject), headers=headers, media_type=encoder.media_type)
+    return delivery.response(encoder.encode(subject), encoder.headers(subject))

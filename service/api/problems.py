@@ -22,7 +22,21 @@ class Slug(StrEnum):
     MODEL_NOT_FOUND = "model-not-found"
     VERSION_NOT_FOUND = "version-not-found"
     ALIAS_NOT_FOUND = "alias-not-found"
+    DATASET_NOT_FOUND = "dataset-not-found"
     METHOD_NOT_ALLOWED = "method-not-allowed"
+    UNAUTHORIZED = "unauthorized"
+    ADMIN_OFF = "admin-off"
+    DATASET_REJECTED = "dataset-rejected"
+    DATASET_IN_USE = "dataset-in-use"
+    UPLOAD_STALLED = "upload-stalled"
+    CONFLICT = "conflict"
+    JOB_NOT_FOUND = "job-not-found"
+    JOB_ENDED = "job-ended"
+    QUEUE_FULL = "queue-full"
+    IDEMPOTENCY_KEY_REUSED = "idempotency-key-reused"
+    JOBS_UNAVAILABLE = "jobs-unavailable"
+    PRECONDITION_FAILED = "precondition-failed"
+    PRECONDITION_REQUIRED = "precondition-required"
     ARTEFACT_CORRUPT = "artefact-corrupt"
     UNSUPPORTED_FORMAT = "unsupported-format"
     STORE_UNAVAILABLE = "store-unavailable"
@@ -82,6 +96,75 @@ _ROWS = (
         Slug.ALIAS_NOT_FOUND, 404, "Alias not found", "`GET /v1/models/{name}/aliases` lists the aliases of a model."
     ),
     ProblemKind(
+        Slug.DATASET_NOT_FOUND, 404, "Dataset not found", "`GET /v1/admin/datasets` lists the datasets there are."
+    ),
+    ProblemKind(
+        Slug.UNAUTHORIZED,
+        401,
+        "Unauthorized",
+        "The address needs the admin token; send `Authorization: Bearer <token>`.",
+    ),
+    ProblemKind(
+        Slug.ADMIN_OFF,
+        403,
+        "Admin endpoints off",
+        "No admin token is configured; the operator sets `ROVER_TWIN_ADMIN_TOKEN` to switch these addresses on.",
+    ),
+    ProblemKind(
+        Slug.DATASET_REJECTED,
+        422,
+        "Dataset rejected",
+        "Nothing of the upload can be used, or it asked to be strict; `report` names file, row, column and reason.",
+    ),
+    ProblemKind(
+        Slug.DATASET_IN_USE,
+        409,
+        "Dataset in use",
+        "A published version or an unfinished training job names the dataset; `used_by` lists them.",
+    ),
+    ProblemKind(
+        Slug.UPLOAD_STALLED, 408, "Upload stalled", "No byte of the body came for half a minute; send it again."
+    ),
+    ProblemKind(
+        Slug.CONFLICT, 409, "Conflict", "It cannot be done in the present state; `detail` says why. Look, decide again."
+    ),
+    ProblemKind(
+        Slug.JOB_NOT_FOUND, 404, "Training job not found", "`GET /v1/admin/training-jobs` lists the jobs there are."
+    ),
+    ProblemKind(
+        Slug.JOB_ENDED, 409, "Training job ended", "The job has ended already: there is nothing left to cancel."
+    ),
+    ProblemKind(
+        Slug.QUEUE_FULL,
+        429,
+        "Queue full",
+        "As many training jobs wait as may wait; try again after `Retry-After` seconds, or cancel one.",
+    ),
+    ProblemKind(
+        Slug.IDEMPOTENCY_KEY_REUSED,
+        422,
+        "Idempotency key reused",
+        "The same `Idempotency-Key` came with another request before; take a new key for a new job.",
+    ),
+    ProblemKind(
+        Slug.JOBS_UNAVAILABLE,
+        503,
+        "Training jobs unavailable",
+        "The database of the training jobs does not answer; try again a little later. Predictions are not affected.",
+    ),
+    ProblemKind(
+        Slug.PRECONDITION_FAILED,
+        412,
+        "Precondition failed",
+        "The alias is not what `If-Match` or `If-None-Match` said: it moved meanwhile. Read it again, decide again.",
+    ),
+    ProblemKind(
+        Slug.PRECONDITION_REQUIRED,
+        428,
+        "Precondition required",
+        "Send `If-Match` with the `ETag` of the alias as you read it, or `*` to move it wherever it points.",
+    ),
+    ProblemKind(
         Slug.METHOD_NOT_ALLOWED, 405, "Method not allowed", "The `Allow` header lists the methods of this address."
     ),
     ProblemKind(
@@ -103,7 +186,10 @@ _ROWS = (
         Slug.NOT_READY, 503, "Not ready", "The default model cannot predict now; `detail` says why. Try again later."
     ),
     ProblemKind(
-        Slug.OVERLOADED, 503, "Overloaded", "Too many predictions are waiting; try again after `Retry-After` seconds."
+        Slug.OVERLOADED,
+        503,
+        "Overloaded",
+        "Too much is waiting or going on already; `detail` says of what. Try again after `Retry-After` seconds.",
     ),
     ProblemKind(
         Slug.INTERNAL, 500, "Internal error", "A fault of the service; report it with the `X-Request-ID` of the answer."

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, TypedDict
 
+import anyio
 from fastapi import Depends, Request
 
 from model_store import ModelStore
+from service.api.event_stream import MOST_LISTENERS
 from service.api.execution import Line
+from service.api.instruments import Instruments
+from service.jobs.queue import JobQueue
+from service.jobs.supervisor import WorkerSupervisor
 from service.settings import Settings
-from service.twin import TwinRegistry
+from service.twin import Loaded, TwinRegistry
+
+UPLOADS_AT_ONCE = 2
+_JOB_THREADS = 4
+_JOB_CALLS_WAITING = 64
 
 
 @dataclass(slots=True)
@@ -18,11 +27,14 @@ class Lifecycle:
     """Whether the process was told to end: readiness then answers 503 while running requests finish."""
 
     draining: bool = False
+    ending: bool = False  # no more requests are taken: streams that could go on for hours end now
 
 
 @dataclass(frozen=True, slots=True)
 class Services:
-    """The service's parts. `predictions` and `storage` are the two lines of worker threads."""
+    """The service's parts. `predictions`, `storage` and `job_calls` are the lines of worker threads; `listeners`
+    counts who follows a job, `figures` who draws, `uploads` those that are coming in or being imported.
+    """
 
     settings: Settings
     lifecycle: Lifecycle
@@ -30,6 +42,20 @@ class Services:
     registry: TwinRegistry
     predictions: Line
     storage: Line
+    instruments: Instruments
+    jobs: JobQueue | None = None  # None without an admin token
+    worker: WorkerSupervisor | None = None  # None where it is left to others
+    # a line of their own: a database that hangs must not keep the store's readers waiting
+    job_calls: Line = field(default_factory=lambda: Line("training job calls", _JOB_THREADS, _JOB_CALLS_WAITING))
+    listeners: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(MOST_LISTENERS))
+    figures: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(1))
+    uploads: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(UPLOADS_AT_ONCE))
+
+    async def twin(self, reference: str | None = None, *, give_up_s: float | None = None) -> Loaded:
+        """What `TwinRegistry.get` returns, from memory without waiting for a thread. Raises what `Line.run` raises."""
+        if loaded := self.registry.resident(reference):
+            return loaded
+        return await self.storage.run(lambda: self.registry.get(reference), give_up_s=give_up_s)
 
 
 class LifespanState(TypedDict):

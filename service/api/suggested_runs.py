@@ -13,7 +13,7 @@ from pydantic.json_schema import SkipJsonSchema
 
 from model_store import Manifest, ModelNotFoundError, layout
 from service.api.answers import SuggestedRunsAnswer
-from service.api.encoders import ENCODERS, Format
+from service.api.encoders import MEDIA_TYPES, TableFormat
 from service.api.encoders.numbers import dump
 from service.api.models import Name, Version
 from service.api.negotiation import choose_format
@@ -70,7 +70,7 @@ Count = Annotated[
     Query(ge=1, le=MOST_SUGGESTIONS, description="How many scenarios to suggest.", examples=[8]),
 ]
 FormatChoice = Annotated[
-    Format | SkipJsonSchema[None],
+    TableFormat | SkipJsonSchema[None],
     Query(alias="format", description="Form of the answer; it wins over the `Accept` header. Without both, JSON."),
 ]
 
@@ -84,16 +84,16 @@ async def get_suggested_runs(
     """The scenarios whose simulation would lower this version's expected error the most, chosen as a batch."""
     if not layout.is_name(name):
         raise ModelNotFoundError(f"no model '{name[:100]}': names have a-z, 0-9 and '-', at most 63 characters")
-    form = choose_format(asked, request.headers.get("accept"))
+    form = choose_format(asked, request.headers.get("accept"), TableFormat)
     manifest = await parts.storage.run(lambda: parts.store.manifest(name, version))
     return await parts.predictions.run(lambda: _computed(manifest, n, form))
 
 
-def _computed(manifest: Manifest, count: int, form: Format) -> Response:
+def _computed(manifest: Manifest, count: int, form: TableFormat) -> Response:
     runs = suggestions(manifest, count)
-    body = dump(document_of(manifest, runs)) if form is Format.JSON else table_of(runs).encode()
+    body = dump(document_of(manifest, runs)) if form is TableFormat.JSON else table_of(runs).encode()
     headers = {"Vary": "Accept", "Rover-Twin-Model": f"{manifest.name}@{manifest.version}"}
-    return Response(body, headers=headers, media_type=ENCODERS[form].media_type)
+    return Response(body, headers=headers, media_type=MEDIA_TYPES[form])
 
 
 def suggestions(manifest: Manifest, count: int) -> tuple[SuggestedRun, ...]:

@@ -39,6 +39,8 @@ DOMAIN = {
     "torque_ratio": (0.05, 2.0),
     "horizon_s": (0.0, 600.0),
 }
+TOKEN = "a token of tests, long enough"
+ADMIN = {"Authorization": f"Bearer {TOKEN}"}
 QUESTION = {"slope_deg": 28, "mass_kg": 430, "torque_nm": 60}
 
 
@@ -105,7 +107,8 @@ class Running:
 def serving(folder: Path, **settings: object) -> Iterator[Running]:
     """Run the service over the store in `folder` until the block ends."""
     store = ModelStore.open(str(folder), create=True)
-    chosen = Settings(store_url=str(folder), port=0, drain_s=0, **settings)
+    # a small limit of bodies, which tests can exceed quickly
+    chosen = Settings(store_url=str(folder), port=0, drain_s=0, **({"max_body_bytes": 64 * 1024} | settings))
     lifecycle = Lifecycle()
     server = Server(server_config(create_app(chosen, lifecycle), chosen), lifecycle, 0.0)
     with socket.create_server(("127.0.0.1", 0)) as listener:
@@ -157,6 +160,22 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
     """Starts a service of the test's own over `tmp_path`; ended with the test."""
     with ExitStack() as stack:
         yield lambda **settings: stack.enter_context(serving(tmp_path / "store", **settings))
+
+
+@pytest.fixture(scope="module")
+def service_with_token(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A service for a whole module whose admin endpoints are on; its client sends the token. Its store is empty."""
+    with serving(tmp_path_factory.mktemp("store"), admin_token=TOKEN, start_worker=False) as running:
+        running.client.headers.update(ADMIN)
+        yield running
+
+
+@pytest.fixture
+def admin(serve: Serve) -> Running:
+    """A service over `store` whose admin endpoints are on; its client sends the token."""
+    running = serve(admin_token=TOKEN, start_worker=False)
+    running.client.headers.update(ADMIN)
+    return running
 
 
 @pytest.fixture

@@ -8,11 +8,11 @@ import socket
 LIMIT = 64 * 1024
 
 
-def exchange(service, head: bytes, *chunks: bytes) -> bytes:
+def exchange(service, head: bytes, *chunks: bytes, wait_s: float = 10) -> bytes:
     """Send raw bytes, then read until the server closes or has answered."""
     host, port = service.url.removeprefix("http://").split(":")
     received = b""
-    with socket.create_connection((host, int(port)), timeout=10) as connection:
+    with socket.create_connection((host, int(port)), timeout=wait_s) as connection:
         try:
             connection.sendall(head)
             for chunk in chunks:

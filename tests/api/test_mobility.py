@@ -108,7 +108,7 @@ def test_only_the_mass_and_a_torque_are_needed(service):
 
 
 def test_the_largest_map_is_answered(service):
-    document = ask(service, torque_steps=MOST_VALUES, slope_steps=MOST_VALUES, horizon_s=2).json()
+    document = ask(service, torque_steps=MOST_VALUES, slope_steps=MOST_VALUES, horizon_s=10).json()
 
     assert len(document["outcome"]) == len(document["outcome"][0]) == MOST_VALUES
 

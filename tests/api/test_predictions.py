@@ -89,6 +89,9 @@ def test_outside_the_domain_is_a_verdict_or_when_strict_a_refusal(service):
         ("application/json;q=0.5, text/csv", "text/csv"),
         ("application/json, text/csv;q=0.9", "application/json"),
         ("TEXT/CSV", "text/csv"),
+        ("image/*", "image/svg+xml"),
+        ("image/avif,image/webp,image/png,image/*;q=0.8", "image/png"),
+        ("model/vnd.usda, */*;q=0.1", "model/vnd.usda"),
     ],
 )
 def test_the_accept_header_chooses_the_form(service, question, accept, kind):
@@ -101,10 +104,10 @@ def test_the_accept_header_chooses_the_form(service, question, accept, kind):
 
     assert answer.status_code == 200
     assert answer.headers["content-type"].partition(";")[0] == kind
-    assert answer.headers["vary"] == "Accept"
+    assert answer.headers["vary"] == "Accept, Accept-Encoding"
 
 
-@pytest.mark.parametrize("accept", ["image/png", "application/json;q=0", "nonsense"])
+@pytest.mark.parametrize("accept", ["image/webp", "application/json;q=0", "nonsense"])
 def test_a_form_that_nobody_has_is_not_acceptable(service, question, accept):
     answer = service.client.get("/v1/predictions", params=question, headers={"accept": accept})
 

@@ -27,7 +27,8 @@ CHECKS = [
 ]
 
 
-schema = schemathesis.openapi.from_dict(openapi_document())
+# without a token the gate answers before the route does; test_schemathesis_admin.py asks with one
+schema = schemathesis.openapi.from_dict(openapi_document()).exclude(path_regex="^/v1/admin")
 
 
 @schema.parametrize()

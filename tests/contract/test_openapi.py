@@ -40,6 +40,8 @@ def test_every_number_has_its_range_unit_and_example():
 def test_every_route_declares_its_problems_and_every_problem_is_declared_somewhere():
     declared = set()
     for path, operations in openapi_document()["paths"].items():
+        if path.startswith("/v2"):  # the protocol has an error form of its own: tests/api/test_inference_wire.py
+            continue
         for operation in operations.values():
             failures = {status: each for status, each in operation["responses"].items() if status >= "4"}
             assert failures or path == "/health/live", path

@@ -1,18 +1,38 @@
-"""The forms of one prediction, in a closed table by name and media type. A new form is one file and one row here."""
+"""The forms of one prediction, in a closed table by name and media type. A new form is one file and one row here.
+
+Forms that need a large library import it on their first use: serving JSON costs neither pyarrow nor matplotlib.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from types import MappingProxyType
 
+from service.api.encoders.arrow import encode_arrow
 from service.api.encoders.csv import encode_csv, header_fields
 from service.api.encoders.json import encode_json
+from service.api.encoders.npz import encode_npz
+from service.api.encoders.plot import encode_png, encode_svg
 from service.api.encoders.subject import Subject
+from service.api.encoders.usda import encode_usda
 
 
 class Format(StrEnum):
-    """Names of the forms, as `?format=` takes them."""
+    """Names of the forms of a prediction, as `?format=` takes them; of equal wishes the first one wins."""
+
+    JSON = "json"
+    CSV = "csv"
+    NPZ = "npz"
+    ARROW = "arrow"
+    USDA = "usda"
+    SVG = "svg"
+    PNG = "png"
+
+
+class TableFormat(StrEnum):
+    """Names of the forms of an answer that is no trajectory."""
 
     JSON = "json"
     CSV = "csv"
@@ -20,16 +40,29 @@ class Format(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Encoder:
-    """How one form is written; `headers` gives the response headers that say what the body cannot."""
+    """How one form is written. `text` forms are UTF-8, worth compressing, and fit for a terminal."""
 
     media_type: str
     encode: Callable[[Subject], bytes]
-    headers: Callable[[Subject], dict[str, str]]
+    text: bool
+
+    def headers(self, subject: Subject) -> dict[str, str]:
+        """The response headers that say what a body may not."""
+        return header_fields(subject)
 
 
-ENCODERS = {
-    Format.JSON: Encoder("application/json", encode_json, header_fields),
-    Format.CSV: Encoder("text/csv", encode_csv, header_fields),
-}
+ENCODERS: Mapping[Format, Encoder] = MappingProxyType(
+    {
+        Format.JSON: Encoder("application/json", encode_json, text=True),
+        Format.CSV: Encoder("text/csv", encode_csv, text=True),
+        Format.NPZ: Encoder("application/x-npz", encode_npz, text=False),
+        Format.ARROW: Encoder("application/vnd.apache.arrow.stream", encode_arrow, text=False),
+        Format.USDA: Encoder("model/vnd.usda", encode_usda, text=True),
+        Format.SVG: Encoder("image/svg+xml", encode_svg, text=True),
+        Format.PNG: Encoder("image/png", encode_png, text=False),
+    }
+)
+MEDIA_TYPES: Mapping[str, str] = MappingProxyType({form.value: each.media_type for form, each in ENCODERS.items()})
+"""Media types by the name of the form."""
 
-__all__ = ["ENCODERS", "Encoder", "Format", "Subject"]
+__all__ = ["ENCODERS", "MEDIA_TYPES", "Encoder", "Format", "Subject", "TableFormat"]

@@ -6,15 +6,14 @@ from dataclasses import asdict
 from typing import Any
 
 from service.api.encoders.numbers import dump
-from service.api.encoders.subject import Subject
-from service.learning.domain import DomainVerdict
+from service.api.encoders.subject import Subject, domain_document
 
 
 def encode_json(subject: Subject) -> bytes:
     """The whole answer, UTF-8. Raises NonFiniteError."""
-    twin, prediction = subject.loaded.twin, subject.prediction
+    prediction = subject.prediction
     answer: dict[str, Any] = {
-        "model": {"name": twin.name, "version": twin.version, "alias": subject.loaded.alias},
+        "model": subject.model(),
         "scenario": asdict(prediction.scenario),
         "frame": prediction.frame,
         "trajectory": dict(prediction.trajectory),
@@ -28,11 +27,4 @@ def encode_json(subject: Subject) -> bytes:
     return dump(answer)
 
 
-def domain_document(verdict: DomainVerdict) -> dict[str, Any]:
-    """The verdict as every answer shows it."""
-    return {
-        "inside": verdict.inside,
-        "reasons": [asdict(reason) | {"detail": reason.detail} for reason in verdict.reasons],
-        "distance": verdict.distance,
-        "nearest_runs": [asdict(run) for run in verdict.nearest_runs],
-    }
+__all__ = ["domain_document", "encode_json"]

@@ -16,22 +16,23 @@ def dump(value: object) -> bytes:
 
     Raises NonFiniteError instead of writing NaN or infinity, which orjson would turn into null without a word.
     """
-    _require_finite(value, "answer")
+    require_finite(value, "answer")
     return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY)
 
 
-def _require_finite(value: object, where: str) -> None:
+def require_finite(value: object, where: str) -> None:
+    """Raises NonFiniteError for NaN or infinity in arrays, numbers, and mappings and lists of them."""
     if isinstance(value, np.ndarray):
         finite = bool(np.isfinite(value).all())
     elif isinstance(value, float):
         finite = math.isfinite(value)
     elif isinstance(value, Mapping):
         for name, member in value.items():
-            _require_finite(member, f"{where}.{name}")
+            require_finite(member, f"{where}.{name}")
         return
     elif isinstance(value, list):
         for at, member in enumerate(value):
-            _require_finite(member, f"{where}[{at}]")
+            require_finite(member, f"{where}[{at}]")
         return
     else:
         return

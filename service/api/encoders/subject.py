@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
+from service.learning.domain import DomainVerdict
 from service.physics.scenario import Array
 from service.twin import Loaded, Prediction
 
@@ -25,3 +27,41 @@ class Subject:
         if self.prediction.band is not None:
             columns |= self.prediction.band.columns()
         return columns
+
+    def model(self) -> dict[str, Any]:
+        """Who answered: name, version and the alias that was asked for."""
+        return {
+            "name": self.loaded.twin.name,
+            "version": self.loaded.twin.version,
+            "alias": self.loaded.alias,
+        }
+
+    def about(self) -> dict[str, Any]:
+        """Everything that is no column, under the names of the JSON answer; with the unit of each column.
+
+        What the table-like forms carry beside their columns.
+        """
+        prediction = self.prediction
+        about: dict[str, Any] = {
+            "model": self.model(),
+            "scenario": asdict(prediction.scenario),
+            "frame": prediction.frame.value,
+            "units": {name: name.rpartition("_")[2] for name in self.columns()},
+            "domain": domain_document(prediction.domain),
+            "summary": asdict(prediction.summary),
+        }
+        if self.with_prior:
+            about["prior"] = {"name": prediction.prior_name}
+        if prediction.band is not None:
+            about["band"] = {"level": prediction.band.level}
+        return about
+
+
+def domain_document(verdict: DomainVerdict) -> dict[str, Any]:
+    """The verdict as every answer shows it."""
+    return {
+        "inside": verdict.inside,
+        "reasons": [asdict(reason) | {"detail": reason.detail} for reason in verdict.reasons],
+        "distance": verdict.distance,
+        "nearest_runs": [asdict(run) for run in verdict.nearest_runs],
+    }

@@ -1,0 +1,139 @@
+"""Who may change things: the bearer token of the admin endpoints, checked before anything of a body is read."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import re
+from collections.abc import Callable, Coroutine, Mapping
+from typing import Annotated, Any
+
+from fastapi import Depends, Header, Request, Response, Security
+from fastapi.exceptions import RequestValidationError
+from fastapi.routing import APIRoute
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from pydantic.json_schema import SkipJsonSchema
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from service.api.errors import (
+    AdminOffError,
+    InvalidInputError,
+    UnauthorizedError,
+    answer_to,
+)
+from service.api.input_faults import fault, faults_of
+from service.api.json_body import require_unique
+from service.api.problems import Slug
+from service.api.services import Services, services_of
+
+ACTOR_HEADER = "X-Actor"
+ADMIN = "admin"
+ADMIN_PROBLEMS = (Slug.UNAUTHORIZED, Slug.ADMIN_OFF, Slug.INVALID_INPUT)
+"""What every route with `Admin` can answer besides its own problems."""
+
+_PREFIX = "/v1/admin"
+_ACTOR = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._@+-]{0,99}")
+_ACTOR_ALLOWED = "1 to 100 of A-Z a-z 0-9 space . _ @ + -, starting with a letter or digit"
+_bearer = HTTPBearer(
+    scheme_name="admin",
+    description="The operator's `ROVER_TWIN_ADMIN_TOKEN`. Without that setting the admin endpoints are off.",
+    auto_error=False,
+)
+
+
+def check_token(services: Services, headers: Headers) -> None:
+    """Raises AdminOffError when no token is configured, UnauthorizedError when another one, or none, was sent."""
+    token = services.settings.admin_token
+    if token is None:
+        raise AdminOffError
+    scheme, _, sent = headers.get("authorization", "").strip().partition(" ")
+    if scheme.lower() != "bearer" or not sent.strip():
+        raise UnauthorizedError("send the admin token as 'Authorization: Bearer <token>'", wrong=False)
+    # digests have one length, so the comparison tells nothing about the token's; headers come decoded as latin-1
+    ours, theirs = (_digest(token.get_secret_value().encode()), _digest(sent.strip().encode("latin-1", "replace")))
+    if not hmac.compare_digest(ours, theirs):
+        raise UnauthorizedError("the token that was sent is not the admin token of this service", wrong=True)
+
+
+def _digest(text: bytes) -> bytes:
+    return hashlib.sha256(text).digest()
+
+
+async def require_admin(
+    request: Request,
+    _credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)],
+    said: Annotated[
+        str | SkipJsonSchema[None],
+        Header(
+            alias=ACTOR_HEADER,
+            description="Who asks, for the audit trail: it names, but proves nothing.",
+            json_schema_extra={"pattern": f"^{_ACTOR.pattern}$"},
+        ),
+    ] = None,
+) -> str:
+    """The actor for the audit trail: "admin", or "admin:<X-Actor>".
+
+    Raises what `check_token` raises, and InvalidInputError for an X-Actor that no record could show safely.
+    """
+    check_token(await services_of(request), request.headers)
+    if said is None:
+        return ADMIN
+    if _ACTOR.fullmatch(said) is None:
+        raise InvalidInputError(fault(ACTOR_HEADER, said, _ACTOR_ALLOWED))
+    return f"{ADMIN}:{said}"
+
+
+Admin = Annotated[str, Depends(require_admin)]
+"""Declares that a route needs the token; its value is the actor."""
+
+
+class AdminGate:
+    """ASGI middleware: under `/v1/admin` nothing is told without the token, not even which addresses there are."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI."""
+        path = scope.get("path", "").removeprefix(scope.get("root_path", ""))
+        if scope["type"] == "http" and (path == _PREFIX or path.startswith(_PREFIX + "/")):
+            try:
+                check_token(scope["state"]["services"], Headers(scope=scope))
+            except (AdminOffError, UnauthorizedError) as error:
+                await answer_to(error, scope["path"])(scope, receive, send)
+                return
+        await self.app(scope, receive, send)
+
+
+def admin_route(allowed: Mapping[str, str]) -> type[APIRoute]:
+    """The class of routes that need the token: checked before the body is read, faults in the words of `allowed`.
+
+    `allowed` says of each field of query and body what it accepts. A field that is there twice is refused.
+    """
+
+    class AdminRoute(APIRoute):
+        """A route of its own kind, so that FastAPI does not read the body before the token is known."""
+
+        def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+            handle = super().get_route_handler()
+
+            async def handle_checked(request: Request) -> Response:
+                check_token(await services_of(request), request.headers)
+                require_unique(request.query_params.multi_items(), allowed)
+                try:
+                    return await handle(request)
+                except RequestValidationError as error:
+                    if _is_no_object(error):
+                        raise
+                    raise InvalidInputError(*faults_of(error.errors(), allowed)) from error
+
+            return handle_checked
+
+    return AdminRoute
+
+
+def _is_no_object(error: RequestValidationError) -> bool:
+    """Whether the body cannot be read at all; `service.api.errors` has the words for that."""
+    first = error.errors()[0]
+    return first["type"] == "json_invalid" or (first["type"], first["loc"]) == ("missing", ("body",))

@@ -1,0 +1,130 @@
+"""What every encoder of a batch is given, and the columns that it is written from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from service.learning.domain import FIELDS
+from service.physics.scenario import Array
+from service.twin import Frame, Loaded, PredictionBatch
+
+Column = npt.NDArray[Any] | Sequence[Any]
+_SCENARIO_FIELDS = ("slope_deg", "mass_kg", "torque_nm", "horizon_s")
+_SUMMARY_FIELDS = ("outcome", "final_x_m", "final_y_m", "distance_m", "mean_speed_m_s", "slip_ratio")
+_BOUNDS = ("x_lower_m", "x_upper_m", "y_lower_m", "y_upper_m")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BatchSubject:
+    """Many predictions to write, `indices` (row,) their places among the scenarios that were sent, rising.
+
+    `batch` is None where nothing could be answered; `failures` are the problems of the others, each with its `index`.
+    """
+
+    loaded: Loaded
+    frame: Frame
+    batch: PredictionBatch | None
+    indices: npt.NDArray[np.intp]
+    failures: Sequence[Mapping[str, Any]]
+    with_prior: bool
+    with_band: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the positions in this frame."""
+        return ("x_m", "y_m") if self.frame is Frame.SLOPE else ("x_m", "z_m")
+
+    def time_s(self) -> Array:
+        """Shape (time,) where all scenarios share it, else (scenario, time)."""
+        return np.empty(0) if self.batch is None else self.batch.time_s
+
+    def counts(self) -> npt.NDArray[np.intp]:
+        """How many points of each row are its own, shape (scenario,)."""
+        return np.empty(0, dtype=np.intp) if self.batch is None else self.batch.counts
+
+    def groups(self) -> dict[str, Mapping[str, Array]]:
+        """`trajectory`, and `prior` and `band` where asked for: columns of shape (scenario, time)."""
+        if self.batch is None:
+            nothing = np.empty((0, 0))
+            prior = {"prior": dict.fromkeys(self.names, nothing)} if self.with_prior else {}
+            band = {"band": dict.fromkeys(_BOUNDS, nothing)} if self.with_band else {}
+            return {"trajectory": dict.fromkeys(self.names, nothing), **prior, **band}
+        groups = {"trajectory": self.batch.positions}
+        if self.with_prior:
+            groups["prior"] = self.batch.prior
+        if self.batch.band is not None:
+            groups["band"] = self.batch.band.columns()
+        return groups
+
+    def columns(self) -> dict[str, Array]:
+        """The same as one table; the names are those of a single prediction's."""
+        groups = self.groups()
+        prior = {f"prior_{name}": column for name, column in groups.get("prior", {}).items()}
+        return {**groups["trajectory"], **prior, **groups.get("band", {})}
+
+    def tables(self) -> dict[str, dict[str, Column]]:
+        """`scenarios`, `domain` and `summary`: columns with one entry for each scenario that is answered.
+
+        Numbers are arrays, the others tuples: these hold nothing that could be no number.
+        """
+        if self.batch is None:
+            nothing: dict[str, Column] = {name: [] for name in (*_SCENARIO_FIELDS, "points")}
+            return {
+                "scenarios": {"index": self.indices, **nothing},
+                "domain": {"inside": [], "outside_of": []},
+                "summary": {name: [] for name in _SUMMARY_FIELDS},
+            }
+        values = self.batch.domain.values  # in the order of FIELDS
+        asked = {name: _whole(values[:, FIELDS.index(name)]) for name in _SCENARIO_FIELDS}
+        summaries = self.batch.summaries
+        return {
+            "scenarios": {"index": self.indices, **asked, "points": self.batch.counts},
+            "domain": self._domain(self.batch),
+            "summary": {name: _whole(getattr(summaries, name)) for name in _SUMMARY_FIELDS},
+        }
+
+    @staticmethod
+    def _domain(batch: PredictionBatch) -> dict[str, Column]:
+        verdicts = batch.domain
+        columns: dict[str, Column] = {"inside": verdicts.inside, "outside_of": tuple(verdicts.outside_of())}
+        known = verdicts.domain.neighbourhood
+        if verdicts.nearest is not None and known is not None:
+            order, distances = verdicts.nearest
+            columns["distance"] = _whole(distances[:, 0])
+            columns["nearest_run"] = tuple(known.runs[at].run for at in order[:, 0].tolist())
+        return columns
+
+    def about(self) -> dict[str, Any]:
+        """Everything that is not by scenario or by time: model, frame, units; names of prior and band; errors."""
+        twin = self.loaded.twin
+        names = ("time_s", *self.columns())
+        about: dict[str, Any] = {
+            "model": {"name": twin.name, "version": twin.version, "alias": self.loaded.alias},
+            "frame": self.frame.value,
+            "units": {name: name.rpartition("_")[2] for name in names},
+            "errors": self.failures,
+        }
+        if self.with_prior and self.batch is not None:
+            about["prior"] = {"name": self.batch.prior_name}
+        if self.batch is not None and self.batch.band is not None:
+            about["band"] = {"level": self.batch.band.level}
+        return about
+
+    def headers(self) -> dict[str, str]:
+        """Model, frame and how many scenarios failed, as response headers."""
+        twin = self.loaded.twin
+        return {
+            "Rover-Twin-Model": f"{twin.name}@{twin.version}",
+            "Rover-Twin-Frame": self.frame.value,
+            "Rover-Twin-Failed": str(len(self.failures)),
+        }
+
+
+def _whole(column: Column) -> Column:
+    """orjson wants arrays without gaps."""
+    return np.ascontiguousarray(column) if isinstance(column, np.ndarray) else column

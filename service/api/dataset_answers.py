@@ -1,0 +1,129 @@
+"""The wire models of datasets, and how they are made from the store's records."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, Field
+
+from model_store import DatasetRecord, FileEntry
+from service.datasets import ValidationReport
+
+ADDRESS = "/v1/admin/datasets"
+MOST_FINDINGS = 1000
+"""Findings that an answer lists; counts are always complete."""
+
+
+class DatasetLinks(BaseModel):
+    """Where to go from here."""
+
+    self: str
+    preview: str
+    download: str
+
+    @classmethod
+    def of(cls, identity: str) -> Self:
+        """The addresses of one dataset."""
+        own = f"{ADDRESS}/{identity}"
+        return cls(self=own, preview=f"{own}/preview", download=f"{own}/download")
+
+
+class FindingAnswer(BaseModel):
+    """One thing found in an upload; `reject` keeps its run out, `warn` does not."""
+
+    file: str
+    row: Annotated[int | None, Field(description="Line of the file, counted from 1; null when it is about the whole.")]
+    column: str | None
+    code: Annotated[str, Field(description="Stable name of the reason.")]
+    severity: Annotated[str, Field(pattern="^(reject|warn)$")]
+    message: str
+
+
+class ReportAnswer(BaseModel):
+    """What was accepted, what was not and why."""
+
+    accepted: Annotated[list[str], Field(description="Files (or groups of rows) that became runs.")]
+    rejected: Annotated[list[str], Field(description="Those that did not.")]
+    findings: Annotated[list[FindingAnswer], Field(description=f"The first {MOST_FINDINGS}, rejections first.")]
+    findings_count: int
+    summary: Annotated[
+        dict[str, Any] | None,
+        Field(description="Runs, rows, ranges, sampling and columns of what was accepted; null when nothing was."),
+    ]
+
+
+class UploadAnswer(BaseModel):
+    """What became of an upload."""
+
+    id: Annotated[str, Field(description="Digest of the content: the same runs have the same id, however they came.")]
+    created: Annotated[bool, Field(description="Whether this upload stored it.")]
+    stored: Annotated[bool, Field(description="Whether the store has it now, by this upload or before.")]
+    dry_run: bool
+    name: Annotated[str | None, Field(description="Its name in the store; null when it is not there.")]
+    report: ReportAnswer
+    links: DatasetLinks
+
+
+class DatasetEntry(BaseModel):
+    """A dataset in a list. `unreadable` says why a damaged one shows nothing more; null when all is well."""
+
+    id: str
+    name: str = ""
+    created_at: datetime | None = None
+    created_by: str = ""
+    description: str = ""
+    summary: Annotated[dict[str, Any], Field(description="Runs, rows, ranges, sampling, columns and sets.")] = {}
+    unreadable: str | None = None
+    links: DatasetLinks
+
+
+class DatasetsAnswer(BaseModel):
+    """One page of the datasets, in the order of their ids."""
+
+    datasets: list[DatasetEntry]
+    next: Annotated[str | None, Field(description="Address of the next page; null on the last one.")]
+
+
+class DatasetUsers(BaseModel):
+    """Who names a dataset, and so keeps it from being deleted."""
+
+    versions: Annotated[list[str], Field(description="Published versions, as name@number.")]
+    jobs: Annotated[
+        list[str] | None, Field(description="Ids of training jobs that wait or run; null when that cannot be told now.")
+    ]
+
+
+class DatasetAnswer(DatasetEntry):
+    """Everything about one dataset."""
+
+    passport: Annotated[dict[str, Any], Field(description="What was simulated, as uploaded.")]
+    source: Annotated[dict[str, Any], Field(description="The files that it was made from.")]
+    files: dict[str, FileEntry]
+    used_by: DatasetUsers
+
+
+def report_document(report: ValidationReport) -> dict[str, Any]:
+    """The report as it stands in an answer: a `ReportAnswer`, its findings bounded."""
+    document = report.as_json()
+    findings = list(report.findings)
+    ordered = [each for each in findings if each.rejects] + [each for each in findings if not each.rejects]
+    shown = [
+        {"file": each.file, "row": each.row, "column": each.column}
+        | {"code": each.code.value, "severity": each.severity.value, "message": each.message}
+        for each in ordered[:MOST_FINDINGS]
+    ]
+    return document | {"findings": shown, "findings_count": len(findings)}
+
+
+def entry_of(record: DatasetRecord) -> DatasetEntry:
+    """What a list shows of a dataset."""
+    return DatasetEntry(
+        id=record.id,
+        name=record.name,
+        created_at=record.created_at,
+        created_by=record.created_by,
+        description=record.description,
+        summary=record.summary,
+        links=DatasetLinks.of(record.id),
+    )

@@ -1,0 +1,144 @@
+"""What is counted while requests are answered, for Prometheus. Times are seconds, routes are templates.
+
+Several server processes share one view: each writes its numbers to a file in a common folder (prometheus-client's
+multiprocess mode), and whichever is asked adds them up.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Self
+
+from prometheus_client import (
+    CollectorRegistry,
+    Counter,
+    Gauge,
+    Histogram,
+    PlatformCollector,
+    ProcessCollector,
+    disable_created_metrics,
+    values,
+)
+from prometheus_client.exposition import choose_encoder
+from prometheus_client.multiprocess import MultiProcessCollector
+from prometheus_client.registry import Collector
+from prometheus_client.values import MultiProcessValue
+
+from service.twin import PredictionBatch, Twin
+
+PREFIX = "rover_twin_"
+_MOST_VERSIONS = 64  # told apart; later ones are counted together, so that a long life cannot fill the memory
+_OTHER = "other"
+_METHODS = frozenset({"GET", "POST", "PUT", "DELETE", "HEAD", "OPTIONS", "PATCH"})
+# bounds that OpenTelemetry advises for HTTP, and finer ones: an answer takes milliseconds
+_REQUEST_BOUNDS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.075, 0.1, 0.25, 0.5, 0.75, 1, 2.5, 5, 7.5, 10)
+_COMPUTE_BOUNDS_S = (0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5)
+_VERSION = ("model_name", "model_version")
+
+
+class Instruments:
+    """Counters of one service. `folder` is where several processes put theirs; None for a service of one process.
+
+    Thread-safe. A process of several gets its own by `shared`.
+    """
+
+    def __init__(self, folder: str | None = None) -> None:
+        # a second series for each, which several processes do not have
+        disable_created_metrics()  # type: ignore[no-untyped-call]
+        self._folder = folder
+        self._own = own = CollectorRegistry(auto_describe=True)
+        if folder is None:
+            ProcessCollector(registry=own)
+            PlatformCollector(registry=own)
+        self._versions: dict[tuple[str, int], tuple[str, str]] = {}
+        self._requests = Counter(
+            f"{PREFIX}http_requests", "Answered requests.", ("method", "route", "status"), registry=own
+        )
+        self._seconds = Histogram(
+            f"{PREFIX}http_request_duration_seconds",
+            "From the first byte of a request to the last of its answer.",
+            ("method", "route"),
+            buckets=_REQUEST_BOUNDS_S,
+            registry=own,
+        )
+        self._running = Gauge(
+            f"{PREFIX}http_requests_in_progress", "Running requests.", registry=own, multiprocess_mode="livesum"
+        )
+        self._processes = Gauge(
+            f"{PREFIX}server_processes", "Processes that answer requests.", registry=own, multiprocess_mode="livesum"
+        )
+        self._scenarios = Counter(f"{PREFIX}predictions", "Predicted scenarios.", (*_VERSION, "outcome"), registry=own)
+        self._outside = Counter(
+            f"{PREFIX}predictions_outside_domain",
+            "Predicted scenarios outside the domain of the version that answered.",
+            _VERSION,
+            registry=own,
+        )
+        self._compute = Histogram(
+            f"{PREFIX}prediction_duration_seconds",
+            "Arithmetic of one call, of a single scenario or a batch.",
+            _VERSION,
+            buckets=_COMPUTE_BOUNDS_S,
+            registry=own,
+        )
+        self._loads = Counter(f"{PREFIX}model_loads", "Versions brought into memory.", _VERSION, registry=own)
+        self._processes.set(1)
+        self._running.set(0)
+
+    @classmethod
+    def shared(cls, folder: str, index: int) -> Self:
+        """Those of process number `index` of several. One that takes the place of a dead one goes on with its files.
+
+        From here on, everything in this process that counts with prometheus-client does it in `folder`.
+        """
+        os.environ["PROMETHEUS_MULTIPROC_DIR"] = folder
+        # what its documentation does for uWSGI
+        values.ValueClass = MultiProcessValue(process_identifier=lambda: index)  # type: ignore[no-untyped-call]
+        return cls(folder)
+
+    def begun(self) -> None:
+        """A request came in."""
+        self._running.inc()
+
+    def ended(self, method: str, route: str, status: int, seconds: float) -> None:
+        """It was answered; `route` is a template. Status 0: its answer was cut off before it began."""
+        method = method if method in _METHODS else _OTHER
+        self._running.dec()
+        self._requests.labels(method, route, str(status)).inc()
+        self._seconds.labels(method, route).observe(seconds)
+
+    def loaded(self, twin: Twin) -> None:
+        """A version was brought into memory."""
+        self._loads.labels(*self._labels(twin)).inc()
+
+    def predicted(self, batch: PredictionBatch, twin: Twin, seconds: float) -> None:
+        """Scenarios were predicted in so many seconds."""
+        labels = self._labels(twin)
+        self._compute.labels(*labels).observe(seconds)
+        outcomes = batch.summaries.outcome
+        for outcome in set(outcomes):
+            self._scenarios.labels(*labels, outcome.value).inc(outcomes.count(outcome))
+        outside = len(batch) - int(batch.domain.inside.sum())
+        if outside:
+            self._outside.labels(*labels).inc(outside)
+
+    def exposition(self, accept: str = "", *others: Collector) -> tuple[str, bytes]:
+        """Media type and text of everything counted so far, by all processes, and of what `others` know."""
+        everything = CollectorRegistry()
+        if self._folder is None:
+            everything.register(self._own)
+        else:
+            MultiProcessCollector(everything, path=self._folder)  # type: ignore[no-untyped-call]
+        for each in others:
+            everything.register(each)
+        encode, media_type = choose_encoder(accept)
+        return media_type, encode(everything)
+
+    def _labels(self, twin: Twin) -> tuple[str, str]:
+        place = twin.name, twin.version
+        known = self._versions.get(place)
+        if known is None:
+            if len(self._versions) >= _MOST_VERSIONS:
+                return _OTHER, _OTHER
+            known = self._versions[place] = (twin.name, str(twin.version))
+        return known

@@ -1,0 +1,87 @@
+"""JSON bodies that can be read in one way only: they say that they are JSON, and name no field twice."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from email.message import Message
+from typing import Any, TypeVar
+
+from fastapi import HTTPException, Request
+from fastapi.exceptions import RequestValidationError
+from pydantic import BaseModel, ValidationError
+
+from service.api.errors import InvalidInputError, UnsupportedMediaTypeError
+from service.api.input_faults import MAX_FAULTS, InputFault, echo, fault, faults_of
+
+Model = TypeVar("Model", bound=BaseModel)
+
+_MOST_MEMBERS = 1000  # no object here has nearly as many; to find a fault in each of them would take seconds
+
+
+def require_json_type(request: Request) -> None:
+    """Refuse a body that does not say it is JSON. Raises UnsupportedMediaTypeError."""
+    sent = request.headers.get("content-type", "")
+    message = Message()
+    message["content-type"] = sent
+    kind = message.get_content_subtype()
+    if not sent or message.get_content_maintype() != "application" or not (kind == "json" or kind.endswith("+json")):
+        said = repr(sent[:100]) if sent else "missing"
+        raise UnsupportedMediaTypeError(f"Content-Type is {said}, allowed is application/json")
+
+
+async def require_json_object(request: Request, allowed: Mapping[str, str]) -> None:
+    """Refuse a body that does not say it is JSON or that names a field twice; `allowed` is what each field accepts.
+
+    Raises UnsupportedMediaTypeError and InvalidInputError, and HTTPException (400) for what is no JSON.
+    """
+    require_json_type(request)
+    body = await request.body()
+    if body:  # it is small: the body limit sees to that
+
+        def without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+            if len(pairs) > _MOST_MEMBERS:
+                allowed_members = f"an object with at most {_MOST_MEMBERS} members"
+                raise InvalidInputError(fault("body", f"{len(pairs)} members", allowed_members))
+            require_unique(pairs, allowed)
+            return dict(pairs)
+
+        try:
+            json.loads(body, object_pairs_hook=without_repeats)
+        except (RecursionError, ValueError) as error:
+            raise HTTPException(400) from error
+
+
+async def read_json(request: Request, model: type[Model], allowed: Mapping[str, str]) -> Model:
+    """The body as a model. Strictly: numbers must be numbers, and at every depth no field may come twice.
+
+    Raises InvalidInputError in the words of `allowed`, RequestValidationError (as FastAPI's own reading does) for what
+    cannot be read, and what `require_json_object` raises.
+    """
+    body = await request.body()
+    if not body:
+        raise RequestValidationError([{"type": "missing", "loc": ("body",), "msg": "the body is empty", "input": None}])
+    await require_json_object(request, allowed)
+    try:
+        return model.model_validate_json(body, strict=True)
+    except ValidationError as error:
+        errors = [{**each, "loc": ("body", *each["loc"])} for each in error.errors(include_url=False)]
+        if errors[0]["type"] == "json_invalid":
+            raise RequestValidationError(errors) from error
+        raise InvalidInputError(*faults_of(errors, allowed)) from error
+
+
+def require_unique(
+    pairs: Sequence[tuple[str, Any]], allowed: Mapping[str, str], may_repeat: frozenset[str] = frozenset()
+) -> None:
+    """Two values for one field are a mistake, and taking either would be a guess. Raises InvalidInputError."""
+    times = Counter(name for name, _ in pairs)
+    repeated = [name for name, count in times.items() if count > 1 and name not in may_repeat]
+    if repeated:
+        raise InvalidInputError(*(_repeated(name, pairs, allowed) for name in repeated[:MAX_FAULTS]))
+
+
+def _repeated(name: str, pairs: Sequence[tuple[str, Any]], allowed: Mapping[str, str]) -> InputFault:
+    values = ", ".join(str(echo(value)) for each, value in pairs if each == name)
+    return fault(name, values, f"one value only, {allowed.get(name, 'if the field were known')}")

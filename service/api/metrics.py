@@ -1,0 +1,75 @@
+"""`GET /metrics`: what happens here, for Prometheus. Never behind authentication: it names no path and no person."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import anyio.to_thread
+from fastapi import APIRouter, Request, Response
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from service.api.execution import OverloadedError
+from service.api.instruments import PREFIX
+from service.api.openapi import problem_responses
+from service.api.services import Parts, Services
+from service.errors import JobsUnavailableError
+
+_PATIENCE_S = 3.0
+
+
+class _JobStates(Collector):
+    """Training jobs by state; the database counts them, not this process."""
+
+    def __init__(self, counts: Mapping[str, int]) -> None:
+        self._counts = counts
+
+    def collect(self) -> Iterable[Metric]:
+        """One gauge."""
+        jobs = GaugeMetricFamily(f"{PREFIX}training_jobs", "Training jobs by state.", labels=("state",))
+        for state, count in self._counts.items():
+            jobs.add_metric((state,), count)
+        yield jobs
+
+
+class _Residents(Collector):
+    """What the process that was asked has in memory; all processes load what is asked of them."""
+
+    def __init__(self, parts: Services) -> None:
+        self._status = parts.registry.status()
+
+    def collect(self) -> Iterable[Metric]:
+        """Two gauges."""
+        yield GaugeMetricFamily(f"{PREFIX}resident_versions", "Versions in memory.", len(self._status.resident))
+        failures = "References that cannot be loaded or brought up to date."
+        yield GaugeMetricFamily(f"{PREFIX}reference_failures", failures, len(self._status.failures))
+
+
+router = APIRouter(tags=["health"])
+
+
+@router.get(
+    "/metrics",
+    summary="What happens here, for Prometheus",
+    response_class=Response,
+    responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}, **problem_responses()},
+)
+async def metrics(request: Request, parts: Parts) -> Response:
+    """Counters since the start, of all processes that share this port. OpenMetrics for who accepts it."""
+    others: list[Collector] = [_Residents(parts)]
+    if parts.jobs is not None and (counts := await _job_counts(parts)) is not None:
+        others.append(_JobStates(counts))
+    accept = request.headers.get("accept", "")
+    media_type, text = await anyio.to_thread.run_sync(lambda: parts.instruments.exposition(accept, *others))
+    return Response(text, headers={"Content-Type": media_type})
+
+
+async def _job_counts(parts: Services) -> Mapping[str, int] | None:
+    """None while the jobs' database does not answer: a missing number says so, a zero would lie."""
+    queue = parts.jobs
+    assert queue is not None
+    try:
+        counts = await parts.job_calls.run(lambda: queue.counts(), give_up_s=_PATIENCE_S)
+    except (JobsUnavailableError, OverloadedError, TimeoutError):
+        return None
+    return {state: counts[state] for state in counts}

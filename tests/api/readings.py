@@ -1,0 +1,83 @@
+"""Answers read back by the libraries that users have: columns by name, and what is beside them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import numpy as np
+import pyarrow as pa
+from pxr import Sdf, Usd
+
+DATA_FORMS = ("json", "csv", "npz", "arrow", "usda")
+
+
+def columns_in(form: str, body: bytes) -> dict[str, np.ndarray]:
+    """Every column of one answer, float64 of shape (time,), by the names of the CSV answer."""
+    return _READERS[form](body)
+
+
+def about_in(form: str, body: bytes) -> dict[str, object]:
+    """What is no column: of the forms that carry it beside their columns."""
+    if form == "npz":
+        with np.load(io.BytesIO(body)) as archive:
+            return json.loads(str(archive["metadata"]))
+    if form == "arrow":
+        metadata = {name.decode(): text.decode() for name, text in _arrow(body).schema.metadata.items()}
+        return {name: text if name == "frame" else json.loads(text) for name, text in metadata.items()}
+    return json.loads(stage_of(body).GetRootLayer().customLayerData["roverTwin"]["metadata"])
+
+
+def stage_of(body: bytes) -> Usd.Stage:
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    assert layer.ImportFromString(body.decode())
+    return Usd.Stage.Open(layer)
+
+
+def _json(body):
+    answer = json.loads(body)
+    prior = {f"prior_{name}": values for name, values in answer.get("prior", {}).items() if name != "name"}
+    band = {name: values for name, values in answer.get("band", {}).items() if name != "level"}
+    return {name: np.array(values, dtype=float) for name, values in (answer["trajectory"] | prior | band).items()}
+
+
+def _csv(body):
+    rows = list(csv.reader(io.StringIO(body.decode())))
+    return dict(zip(rows[0], np.array(rows[1:], dtype=float).T, strict=True))
+
+
+def _npz(body):
+    with np.load(io.BytesIO(body)) as archive:
+        return {name: archive[name] for name in archive.files if name != "metadata"}
+
+
+def _arrow(body):
+    with pa.ipc.open_stream(body) as stream:
+        return stream.read_all()
+
+
+def _arrow_columns(body):
+    table = _arrow(body)
+    assert [column.null_count for column in table.columns] == [0] * table.num_columns
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def _usda(body):
+    stage = stage_of(body)
+    rover, rate = stage.GetDefaultPrim(), stage.GetTimeCodesPerSecond()
+    translate = rover.GetAttribute("xformOp:translate")
+    codes = translate.GetTimeSamples()
+    across = "y_m" if stage.GetRootLayer().customLayerData["roverTwin"]["frame"] == "slope" else "z_m"
+    places = np.array([translate.Get(code) for code in codes])
+    assert not places[:, 1].any()
+    columns = {"time_s": np.array(codes) / rate, "x_m": places[:, 0], across: places[:, 2]}
+    for attribute in rover.GetAttributes():
+        space, _, name = attribute.GetName().rpartition(":")
+        if space == "roverTwin":
+            assert attribute.GetTimeSamples() == codes
+            columns[name] = np.array([attribute.Get(code) for code in codes])
+    return columns
+
+
+_READERS = {"json": _json, "csv": _csv, "npz": _npz, "arrow": _arrow_columns, "usda": _usda}

@@ -1,0 +1,166 @@
+"""Who gets in: only the token does, it is asked for before anything else, and nothing is told without it."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.api.test_body_limit import exchange
+
+ROUTES = [
+    ("GET", "/v1/admin/datasets"),
+    ("POST", "/v1/admin/datasets"),
+    ("GET", "/v1/admin/datasets/abcdef"),
+    ("GET", "/v1/admin/datasets/abcdef/preview"),
+    ("GET", "/v1/admin/datasets/abcdef/download"),
+    ("DELETE", "/v1/admin/datasets/abcdef"),
+    ("PUT", "/v1/models/viper-lunar/aliases/champion"),
+    ("POST", "/v1/models/viper-lunar/aliases/champion/rollback"),
+]
+UNDER_ADMIN = [
+    *((method, "/v1/admin/datasets") for method in ("HEAD", "OPTIONS", "PATCH", "TRACE")),
+    ("GET", "/v1/admin"),
+    ("GET", "/v1/admin/"),
+    ("GET", "/v1/admin/no-such-thing"),
+    ("OPTIONS", "/v1/admin/no-such-thing"),
+]
+WRONG = {
+    "none": {},
+    "another": {"Authorization": "Bearer another token, long enough"},
+    "a start of it": {"Authorization": "Bearer a token of tests, long enoug"},
+    "longer": {"Authorization": "Bearer a token of tests, long enough!"},
+    "empty": {"Authorization": "Bearer"},
+    "no scheme": {"Authorization": "a token of tests, long enough"},
+    "basic": {"Authorization": "Basic YWRtaW46YSB0b2tlbiBvZiB0ZXN0cw=="},
+    "not ascii": {
+        "Authorization": "Bearer \u00e4\u00f6\u00fc\u00e4\u00f6\u00fc\u00e4\u00f6\u00fc\u00e4\u00f6\u00fc".encode(
+            "latin-1"
+        )
+    },
+    "another header": {"X-Admin-Token": "a token of tests, long enough"},
+}
+
+
+@pytest.mark.parametrize(("method", "path"), ROUTES + UNDER_ADMIN)
+def test_without_a_configured_token_everything_is_off_and_says_which_setting(service, method, path):
+    answer = service.client.request(method, path, headers={"Authorization": "Bearer a token of tests, long enough"})
+
+    assert answer.status_code == 403
+    if method != "HEAD":
+        assert answer.json()["type"] == "urn:rover-twin:problem:admin-off"
+        assert "ROVER_TWIN_ADMIN_TOKEN" in answer.json()["detail"]
+
+
+@pytest.mark.parametrize("sent", WRONG.values(), ids=WRONG.keys())
+def test_without_the_right_token_nothing_is_told(admin, sent):
+    del admin.client.headers["Authorization"]
+    seen = set()
+    for method, path in ROUTES + UNDER_ADMIN:
+        answer = admin.client.request(method, path, headers=sent)
+        assert answer.status_code == 401, (method, path)
+        assert answer.headers["www-authenticate"].startswith('Bearer realm="rover-twin"')
+        assert "allow" not in answer.headers
+        if method != "HEAD":
+            problem = answer.json()
+            problem.pop("instance")
+            seen.add(tuple(sorted(problem.items())))
+
+    assert len(seen) == 1  # what is there and what is not looks the same
+
+
+def test_a_wrong_token_is_told_from_a_missing_one_by_the_challenge(admin):
+    del admin.client.headers["Authorization"]
+
+    missing = admin.client.get("/v1/admin/datasets")
+    wrong = admin.client.get("/v1/admin/datasets", headers=WRONG["another"])
+
+    assert "error=" not in missing.headers["www-authenticate"]
+    assert 'error="invalid_token"' in wrong.headers["www-authenticate"]
+
+
+@pytest.mark.parametrize("scheme", ["Bearer", "bearer", "BEARER"])
+def test_the_right_token_gets_in(admin, scheme):
+    answer = admin.client.get(
+        "/v1/admin/datasets", headers={"Authorization": f"{scheme} a token of tests, long enough"}
+    )
+
+    assert answer.status_code == 200
+
+
+def test_a_token_may_have_any_characters(serve):
+    service = serve(admin_token="schl\u00fcssel mit umlauten", start_worker=False)
+    bearer = "Bearer schl\u00fcssel mit umlauten".encode()
+
+    assert service.client.get("/v1/admin/datasets", headers={"Authorization": bearer}).status_code == 200
+    assert service.client.get("/v1/admin/datasets").status_code == 401
+
+
+def test_with_the_token_an_address_that_does_not_exist_is_a_404(admin):
+    assert admin.client.get("/v1/admin/no-such-thing").status_code == 404
+
+
+def test_the_token_is_asked_for_before_a_byte_of_the_body_is_read(admin):
+    for path in ("POST /v1/admin/datasets", "PUT /v1/models/viper-lunar/aliases/champion"):
+        head = f"{path} HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: 1000\r\n\r\n"
+
+        answer = exchange(admin, head.encode(), wait_s=1)  # the body never comes
+
+        assert answer.startswith(b"HTTP/1.1 401"), answer
+
+
+def test_a_body_that_is_nonsense_changes_nothing_of_that(admin):
+    del admin.client.headers["Authorization"]
+
+    answer = admin.client.put(
+        "/v1/models/viper-lunar/aliases/champion", content=b"{", headers={"Content-Type": "application/json"}
+    )
+
+    assert answer.status_code == 401
+
+
+@pytest.mark.parametrize("path", ["/v1/models", "/health/live", "/docs", "/openapi.json"])
+def test_the_public_side_needs_no_token(admin, path):
+    del admin.client.headers["Authorization"]
+
+    assert admin.client.get(path).status_code == 200
+
+
+@pytest.mark.parametrize("said", ["jane", "jane@rover.example", "Jane D. Oe-2", "x" * 100])
+def test_an_actor_may_name_himself(admin, store, publish, said):
+    publish(store)
+
+    answer = admin.client.put(
+        "/v1/models/viper-lunar/aliases/champion", json={"version": 1, "reason": "first"}, headers={"X-Actor": said}
+    )
+
+    assert answer.json()["actor"] == f"admin:{said}"
+
+
+@pytest.mark.parametrize("said", [b"", b"x" * 101, "j\u00e4ne".encode(), b"a;b", b"-jane", b"<b>"])
+def test_an_actor_that_no_record_could_show_is_refused(admin, store, publish, said):
+    publish(store)
+
+    answer = admin.client.put(
+        "/v1/models/viper-lunar/aliases/champion", json={"version": 1, "reason": "first"}, headers={"X-Actor": said}
+    )
+
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == "X-Actor"
+    assert store.aliases("viper-lunar") == {}
+
+
+def test_the_contract_says_where_the_token_is_needed():
+    from service.app import openapi_document
+
+    document = openapi_document()
+    secured = {
+        (method.upper(), path)
+        for path, operations in document["paths"].items()
+        for method, operation in operations.items()
+        if operation.get("security") == [{"admin": []}]
+    }
+
+    assert document["components"]["securitySchemes"]["admin"]["scheme"] == "bearer"
+    assert {path for _, path in secured} >= {path for path in document["paths"] if path.startswith("/v1/admin")}
+    assert ("PUT", "/v1/models/{name}/aliases/{alias}") in secured
+    assert ("POST", "/v1/models/{name}/aliases/{alias}/rollback") in secured
+    assert ("GET", "/v1/models/{name}/aliases/{alias}") not in secured

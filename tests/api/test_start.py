@@ -1,0 +1,104 @@
+"""What serving costs before the first answer: which libraries it imports, and how long until it is ready."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import psutil
+import pytest
+
+from model_store import ModelStore
+from service.settings import Settings
+
+LARGE = {"torch", "scipy", "matplotlib", "pyarrow", "dbos", "sqlalchemy", "pandas", "PIL"}
+SERVE_AND_TELL = """
+import json, socket, sys, threading, time
+import httpx
+from service.api.services import Lifecycle
+from service.app import Server, create_app, server_config
+from service.settings import Settings
+
+MAP = {"mass_kg": 430, "torque_min_nm": 30, "torque_max_nm": 120, "torque_steps": 2, "slope_min_deg": 10,
+    "slope_max_deg": 30, "slope_steps": 3, "horizon_s": 4}
+BATCH = {"scenarios": [{"slope_deg": 20, "mass_kg": 430, "torque_nm": 60}]}
+settings = Settings(port=0, drain_s=0, threads=1, log_level="error")
+lifecycle = Lifecycle()
+server = Server(server_config(create_app(settings, lifecycle), settings), lifecycle, 0.0)
+listener = socket.create_server(("127.0.0.1", 0))
+thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
+thread.start()
+told = []
+with httpx.Client(base_url=f"http://127.0.0.1:{listener.getsockname()[1]}", timeout=60, trust_env=False) as client:
+    while not server.started or client.get("/health/ready").status_code != 200:
+        time.sleep(0.01)
+    for model in json.loads(sys.argv[1]):
+        scenario = {"slope_deg": 20, "mass_kg": 430, "torque_nm": 60, "include": "prior,band", "model": model}
+        answers = [
+            client.get("/v1/predictions", params=scenario),
+            client.post("/v1/predictions/batch", json=BATCH | {"model": model}),
+            client.post("/v2/repository/index"),
+            client.get("/v1/models"),
+            client.get("/v1/mobility", params=MAP),
+            client.get("/metrics"),
+        ]
+        told.append({"statuses": [each.status_code for each in answers], "modules": sorted(sys.modules)})
+    if "torch" in sys.modules:
+        told.append(sys.modules["torch"].get_num_threads())
+server.should_exit = True
+thread.join()
+print(json.dumps(told))
+"""
+
+
+def told_by(*models: str):
+    run = [sys.executable, "-c", SERVE_AND_TELL, json.dumps(models)]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=120, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_serving_the_shipped_champion_imports_none_of_the_large_libraries_and_a_network_brings_torch():
+    champion, network, torch_threads = told_by("viper-lunar", "viper-lunar-paper")
+
+    assert champion["statuses"] == [200] * 6
+    assert LARGE.isdisjoint(champion["modules"])
+    assert "torch" in network["modules"]
+    assert {"scipy", "matplotlib", "pyarrow", "dbos"}.isdisjoint(network["modules"])
+    assert torch_threads == 1
+
+
+def test_the_shipped_service_is_ready_after_three_seconds_of_processor_time(own_process):
+    """Processor time of one core, so that what else runs on the machine does not count."""
+    _, process = own_process_over_shipped_store(own_process)
+    used = psutil.Process(process.pid).cpu_times()
+    assert used.user + used.system <= 3.0
+
+
+def own_process_over_shipped_store(own_process):
+    return own_process(store_url=Settings().store_url, threads=1)
+
+
+def test_the_first_request_finds_everything_prepared(own_process, question):
+    client, _ = own_process_over_shipped_store(own_process)
+    first = client.get("/v1/predictions", params=question)
+    others = [client.get("/v1/predictions", params=question | {"mass_kg": 400 + each}) for each in range(20)]
+    # FastAPI would put its routers together while it waits, for a tenth of a second
+    usual = sorted(each.elapsed for each in others)[-1]
+    assert first.status_code == 200
+    assert first.elapsed <= 5 * usual
+
+
+@pytest.mark.parametrize("wrong", ["0", "many", "257"])
+def test_a_wrong_number_of_processes_is_refused_by_name(wrong, tmp_path):
+    ModelStore.open(str(tmp_path / "store"), create=True)
+    done = subprocess.run(
+        [sys.executable, "-m", "service", "serve", "--store", str(tmp_path / "store"), "--workers", wrong],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode != 0
+    assert "workers" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,27 @@
+"""Questions about training jobs made from the published contract, by somebody with the token."""
+
+from __future__ import annotations
+
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, settings
+
+from service.app import openapi_document
+from tests.api.test_schemathesis import CHECKS
+from tests.api.training import ADDRESS, HEADERS, admin_serving, job_store, submit
+
+schema = schemathesis.openapi.from_dict(openapi_document()).include(path_regex=f"^{ADDRESS}")
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    with admin_serving(job_store(tmp_path_factory.mktemp("store"))) as running:
+        job = submit(running.client)
+        running.client.post(job["links"]["cancel"])
+        yield running.url
+
+
+@schema.parametrize()
+@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+def test_training_jobs_keep_their_contract(case, address):
+    case.call_and_validate(base_url=address, headers=HEADERS, checks=CHECKS)

@@ -1,0 +1,189 @@
+"""A whole service that can be killed in parts: an API, a worker and a database, each a real process, over one store."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections import defaultdict, deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import median
+from typing import Any, Self
+
+import httpx
+
+from model_store import ModelStore
+from service.errors import JobsUnavailableError
+from service.jobs.job import TrainingJob
+from service.jobs.queue import JobQueue
+from tests.databases import Postgres
+from tests.jobs.conftest import put_dataset, stored_runs
+from tests.jobs.nursery import Nursery, WorkerProcess, until
+
+TOKEN = "a token of the crash table"
+HEADERS = {"Authorization": f"Bearer {TOKEN}"}
+DATASETS = "/v1/admin/datasets"
+JOBS = "/v1/admin/training-jobs"
+# what a client that waits for an answer may meet when the other side is killed
+GONE = (httpx.TransportError,)
+_STUCK_S = 90.0
+_FIRST_GUESS_S = 0.05
+_REMEMBERED = 15
+
+
+class Steps:
+    """What the worker is at: told by it at the beginning of each step, so that a kill can be aimed."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._begun: list[tuple[float, str]] = []
+        self._lasted: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_REMEMBERED))
+
+    def heard(self, _pid: int, step: str) -> None:
+        with self._changed:
+            self._begun.append((time.monotonic(), step))
+            self._changed.notify_all()
+
+    def forget(self) -> None:
+        """Another job begins."""
+        with self._changed:
+            self._begun.clear()
+
+    def learn(self) -> None:
+        """How long steps last, from a job that nobody disturbed."""
+        with self._changed:
+            ends = [begun for begun, _ in self._begun[1:]]
+            for (begun, step), end in zip(self._begun, ends, strict=False):
+                self._lasted[step].append(end - begun)
+
+    def wait_for(self, step: str, timeout_s: float) -> bool:
+        """Whether the step began within the time."""
+        with self._changed:
+            return self._changed.wait_for(lambda: any(name == step for _, name in self._begun), timeout_s)
+
+    def present(self) -> str:
+        """The step that began last; `waiting` before the first."""
+        with self._changed:
+            return self._begun[-1][1] if self._begun else "waiting"
+
+    def length_s(self, step: str) -> float:
+        """What the step usually lasts."""
+        with self._changed:
+            return median(self._lasted[step]) if self._lasted[step] else _FIRST_GUESS_S
+
+
+class World:
+    """The processes, and a client of each. Whatever is killed is started again by `revive`."""
+
+    def __init__(self, folder: Path, nursery: Nursery, steps: Steps, postgres: Postgres | None) -> None:
+        self.store = ModelStore.open(folder / "store", create=True)
+        self.dataset = put_dataset(self.store, "unit", stored_runs())
+        self.postgres = postgres
+        self.steps = steps
+        self.temporary = folder / "temporary"
+        self.temporary.mkdir()
+        self._folder = folder
+        self._nursery = nursery
+        self._url = postgres.new_database() if postgres else f"sqlite:///{folder / 'jobs' / 'jobs.sqlite'}"
+        self.queue = JobQueue.open(self._url, 1000)
+        with socket.create_server(("127.0.0.1", 0)) as listener:
+            self._port = listener.getsockname()[1]
+        self._lives: dict[str, WorkerProcess] = {}
+
+    def __enter__(self) -> Self:
+        for victim in ("api", "worker"):
+            self.revive(victim)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.queue.close()
+        for process in self._lives.values():
+            if process.code is None:
+                process.kill()
+
+    @contextmanager
+    def client(self) -> Iterator[httpx.Client]:
+        """A client of the API, with the token."""
+        base = f"http://127.0.0.1:{self._port}"
+        with httpx.Client(base_url=base, headers=HEADERS, timeout=60, trust_env=False) as client:
+            yield client
+
+    def kill(self, victim: str) -> None:
+        """SIGKILL."""
+        if victim == "database":
+            assert self.postgres is not None
+            self.postgres.kill()
+        else:
+            self._lives[victim].kill()
+
+    def revive(self, victim: str) -> None:
+        """Start it again; on return an API and a database answer."""
+        if victim == "database":
+            assert self.postgres is not None
+            self.postgres.start()
+        elif victim == "worker":
+            self._lives[victim] = self._nursery.start(self._folder / "store", self._url, aloud=True)
+        else:
+            self._lives[victim] = self._nursery.serve(
+                self.temporary,
+                store_url=str(self._folder / "store"),
+                jobs_database_url=self._url,
+                port=self._port,
+                admin_token=TOKEN,
+                start_worker=False,
+                max_queued_jobs=1000,
+                threads=1,
+            )
+            until(self._api_answers, 30, "the API answers")
+
+    def _api_answers(self) -> bool:
+        try:
+            with self.client() as client:
+                return client.get("/health/live").status_code == 200
+        except GONE:
+            return False
+
+    def submit(self, request: dict[str, Any], key: str) -> str | None:
+        """Post a job; its id once the API has acknowledged it, None when it could not."""
+        try:
+            with self.client() as client:
+                answer = client.post(JOBS, json=request, headers={"Idempotency-Key": key})
+        except GONE:
+            return None
+        if answer.status_code == 503:
+            return None
+        assert answer.status_code == 202, answer.text
+        job_id: str = answer.json()["id"]
+        return job_id
+
+    def upload(self, data: bytes, pause_s: float = 0.0) -> str | None:
+        """Post a dataset, half of it `pause_s` after the other; its id once acknowledged."""
+
+        def halves() -> Iterator[bytes]:
+            yield data[: len(data) // 2]
+            time.sleep(pause_s)
+            yield data[len(data) // 2 :]
+
+        try:
+            with self.client() as client:
+                answer = client.post(DATASETS, content=halves())
+        except GONE:
+            return None
+        assert answer.status_code in (200, 201), answer.text
+        identity: str = answer.json()["id"]
+        return identity
+
+    def ended(self, job_id: str) -> TrainingJob | None:
+        """The job once it has ended, None when it is stuck. Raises JobNotFoundError."""
+        deadline = time.monotonic() + _STUCK_S
+        while time.monotonic() < deadline:
+            try:
+                job = self.queue.get(job_id)
+            except JobsUnavailableError:
+                continue
+            if job.finished_at is not None:
+                return job
+            time.sleep(0.03)
+        return None
