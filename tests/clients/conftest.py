@@ -12,7 +12,7 @@ import socket
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,43 +23,10 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-NEAREST_RUN = {
-    "run": "s28_m430_t60",
-    "slope_deg": 28,
-    "mass_kg": 430,
-    "torque_nm": 60,
-    "held_out_final_error_m": 0.0074,
-    "distance": 0.41,
-}
+from rover_twin_client import AsyncRoverTwin, RoverTwin
+from tests.clients.documents import mobility_document, prediction_document, suggested_runs_document
 
-
-def prediction_document(query: dict[str, str]) -> dict[str, Any]:
-    """What the service answers (contract of /v1/predictions), for a rover that moves 0.1 m/s uphill."""
-    across = "z_m" if query.get("frame") == "world" else "y_m"
-    time_s = [0.0, 5.0, float(query["horizon_s"])]
-    trajectory = {"time_s": time_s, "x_m": [0.1 * t for t in time_s], across: [0.0, 0.01, 0.02]}
-    answer = {
-        "model": {"name": "viper-lunar", "version": 3, "alias": "champion"},
-        "scenario": {k: float(query[k]) for k in ("slope_deg", "mass_kg", "torque_nm", "horizon_s")},
-        "frame": query.get("frame", "slope"),
-        "trajectory": trajectory,
-        "domain": {"inside": True, "reasons": [], "distance": 0.41, "nearest_runs": [dict(NEAREST_RUN)]},
-        "summary": {
-            "outcome": "climbs",
-            "final_x_m": 0.1 * time_s[-1],
-            "final_y_m": 0.02,
-            "distance_m": 1.0,
-            "mean_speed_m_s": 0.1,
-            "slip_ratio": 0.55,
-        },
-    }
-    if "prior" in query.get("include", ""):
-        answer["prior"] = {"name": "motor_slope", "x_m": [0.0, 0.4, 0.9], across: [0.0, 0.0, 0.0]}
-    if "band" in query.get("include", ""):
-        bounds = ("x_lower_m", "x_upper_m", "y_lower_m", "y_upper_m")
-        level = float(query.get("band_level", "0.9"))
-        answer["band"] = {"level": level} | {name: [0.0, 0.5, 1.0 + at] for at, name in enumerate(bounds)}
-    return answer
+Ask = Callable[..., Any]
 
 
 def problem(slug: str, status: int, detail: str, headers: dict[str, str] | None = None, **more: Any) -> Response:
@@ -112,6 +79,15 @@ def manifest(request: Request) -> Response:
     return JSONResponse({"format": "rover-twin-manifest", "name": "viper-lunar", "version": 3, "files": {}})
 
 
+def mobility(request: Request) -> Response:
+    return JSONResponse(mobility_document(dict(request.query_params)))
+
+
+def suggested_runs(request: Request) -> Response:
+    count = int(request.query_params.get("n", "8"))
+    return JSONResponse(suggested_runs_document(request.path_params["name"], request.path_params["version"], count))
+
+
 def ready(request: Request) -> Response:
     identity = {"name": "viper-lunar", "version": 3, "alias": "champion"}
     return JSONResponse({"status": "ready", "model": identity, "probe": {}, "failures": []})
@@ -142,15 +118,20 @@ class Misbehaviour:
     def __init__(self, hits: Counter[str]) -> None:
         self.hits = hits
 
-    async def answer(self, request: Request) -> Response:
-        kind = request.path_params["kind"]
-        self.hits[kind] += 1
-        if kind == "busy-once":
-            return busy(0) if self.hits[kind] == 1 else predictions(request)
-        if kind == "slow":
-            await asyncio.sleep(1.0)
-            return predictions(request)
-        return MISBEHAVIOURS[kind]()
+    def instead_of(self, right: Callable[[Request], Response]) -> Callable[[Request], Awaitable[Response]]:
+        """Misbehaves in the way that the address names, where a service that behaves answers `right`."""
+
+        async def answer(request: Request) -> Response:
+            kind = request.path_params["kind"]
+            self.hits[kind] += 1
+            if kind == "busy-once":
+                return busy(0) if self.hits[kind] == 1 else right(request)
+            if kind == "slow":
+                await asyncio.sleep(1.0)
+                return right(request)
+            return MISBEHAVIOURS[kind]()
+
+        return answer
 
 
 @dataclass
@@ -163,18 +144,19 @@ class ContractService:
 def contract_service() -> Iterator[ContractService]:
     """The server, on a free port of the loopback interface, for the whole session."""
     hits: Counter[str] = Counter()
-    misbehaviour = Misbehaviour(hits).answer
-    app = Starlette(
-        routes=[
-            Route("/v1/predictions", predictions),
-            Route("/v1/models", models),
-            Route("/v1/models/{name}", model),
-            Route("/v1/models/{name}/versions/{version:int}", manifest),
-            Route("/health/ready", ready),
-            Route("/{kind}/v1/predictions", misbehaviour),
-            Route("/{kind}/health/ready", misbehaviour),
-        ]
-    )
+    misbehaviour = Misbehaviour(hits)
+    answers = {
+        "/v1/predictions": predictions,
+        "/v1/mobility": mobility,
+        "/v1/models": models,
+        "/v1/models/{name}": model,
+        "/v1/models/{name}/versions/{version:int}": manifest,
+        "/v1/models/{name}/versions/{version:int}/suggested-runs": suggested_runs,
+        "/health/ready": ready,
+    }
+    behaving = [Route(path, answer) for path, answer in answers.items()]
+    misbehaving = [Route(f"/{{kind}}{path}", misbehaviour.instead_of(answer)) for path, answer in answers.items()]
+    app = Starlette(routes=behaving + misbehaving)
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning", ws="none", lifespan="off"))
     with socket.create_server(("127.0.0.1", 0)) as listener:
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
@@ -207,3 +189,38 @@ def world_answer() -> dict[str, Any]:
     """The same in the world frame, which has z_m in place of y_m."""
     query = {"slope_deg": "28", "mass_kg": "430", "torque_nm": "60", "horizon_s": "10", "include": "prior"}
     return prediction_document(query | {"frame": "world"})
+
+
+def ask_sync(url: str, word: str, *args: Any, settings: dict[str, Any] | None = None, **options: Any) -> Any:
+    with RoverTwin(url, **settings or {}) as twin:
+        answer = getattr(twin, word)(*args, **options)
+        return list(answer) if isinstance(answer, Iterator) else answer
+
+
+def ask_async(url: str, word: str, *args: Any, settings: dict[str, Any] | None = None, **options: Any) -> Any:
+    async def ask() -> Any:
+        async with AsyncRoverTwin(url, **settings or {}) as twin:
+            answer = getattr(twin, word)(*args, **options)
+            return [each async for each in answer] if isinstance(answer, AsyncIterator) else await answer
+
+    return asyncio.run(ask())
+
+
+@pytest.fixture(params=[ask_sync, ask_async], ids=["sync", "async"])
+def ask(request: pytest.FixtureRequest) -> Ask:
+    """Asks one question with a client of its own, synchronous or asynchronous."""
+    return request.param
+
+
+@pytest.fixture
+def map_answer() -> dict[str, Any]:
+    """A map of two torques and three slopes; on the weaker torque nothing is climbed."""
+    torques = {"torque_min_nm": "0", "torque_max_nm": "40", "torque_steps": "2"}
+    slopes = {"slope_min_deg": "10", "slope_max_deg": "30", "slope_steps": "3"}
+    return mobility_document({"mass_kg": "430", **torques, **slopes})
+
+
+@pytest.fixture
+def suggestions_answer() -> dict[str, Any]:
+    """Two suggested runs."""
+    return suggested_runs_document("viper-lunar", 3, 2)

@@ -1,4 +1,4 @@
-"""What the service answers, as values: frozen dataclasses whose arrays are float64 and read-only.
+"""What the service answers, as values: frozen dataclasses whose arrays are read-only, numbers float64.
 
 Frames: in `slope`, x runs along the slope (positive uphill) and y normal to it; in `world`, x is horizontal and z up.
 A trajectory therefore has `y_m` in the slope frame and `z_m` in the world frame; the other one is None.
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 Frame: TypeAlias = Literal["slope", "world"]
 Array: TypeAlias = NDArray[np.float64]
+Flags: TypeAlias = NDArray[np.bool_]
+Words: TypeAlias = NDArray[np.str_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +142,66 @@ class Prediction:
     domain: Domain
     summary: Summary
     band: Band | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MobilityMap:
+    """Outcome, speed and slip over slope x torque for one mass. A table has a row for each torque (T) and a column
+    for each slope (S).
+
+    `outcome` is climbs, stalls or slides; `mean_speed_m_s` runs along the slope, negative downhill. `slip_ratio` is
+    NaN where the wheels stand still or the model does not know how they turn. `steepest_climb_slope_deg` is, for each
+    torque, the slope up to which every slope of the map is climbed: never above the map's steepest, NaN when not even
+    its lowest is climbed. `steepest_by` says how that was judged: `band`, with `confidence`, or `central_estimate`,
+    by a version without a band (`confidence` is then None).
+    """
+
+    model: ModelIdentity
+    mass_kg: float
+    horizon_s: float
+    confidence: float | None
+    steepest_by: str
+    torque_nm: Array  # (T,)
+    slope_deg: Array  # (S,)
+    outcome: Words  # (T, S)
+    mean_speed_m_s: Array  # (T, S)
+    slip_ratio: Array  # (T, S)
+    inside_domain: Flags  # (T, S)
+    steepest_climb_slope_deg: Array  # (T,)
+
+
+@dataclass(frozen=True, slots=True)
+class SuggestionReason:
+    """Why a scenario is worth a simulation: the error to expect of its final position (m), and the nearest run.
+
+    The error is None where no run of the version has a held-out error. `distance` is scaled by the spread of the runs.
+    """
+
+    expected_error_m: float | None
+    distance: float
+    nearest_run: str
+
+
+@dataclass(frozen=True, slots=True)
+class SuggestedRun:
+    """A scenario to simulate, as a row of a dataset's `runs.csv`: its file holds a row every `step_s`."""
+
+    file: str
+    set: str
+    slope_deg: float
+    mass_kg: float
+    torque_nm: float
+    horizon_s: float
+    step_s: float
+    reason: SuggestionReason
+
+
+@dataclass(frozen=True, slots=True)
+class SuggestedRuns:
+    """What to simulate to make the next version better than `model`, the most useful scenario first."""
+
+    model: ModelIdentity
+    runs: tuple[SuggestedRun, ...]
 
 
 @dataclass(frozen=True, slots=True)

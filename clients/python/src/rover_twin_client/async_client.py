@@ -3,43 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from types import TracebackType
-from typing import Any, Self
-
-import httpx
+from typing import Any
 
 from rover_twin_client import calls
-from rover_twin_client.answers import Frame, ModelInfo, Prediction, Readiness
-from rover_twin_client.calls import Answer, Call
-from rover_twin_client.network import (
-    DEFAULT_RETRIES,
-    DEFAULT_TIMEOUT,
-    DEFAULT_URL,
-    HEADERS,
-    async_retrying,
-    checked_retries,
-    checked_url,
-    named_failures,
-)
+from rover_twin_client.answers import Frame, MobilityMap, ModelInfo, Prediction, Readiness, SuggestedRuns
+from rover_twin_client.async_training_client import AsyncTrainingClient
 
 
-class AsyncRoverTwin:
+class AsyncRoverTwin(AsyncTrainingClient):
     """Talks to one rover-twin service from one event loop; close it, or use it in an `async with`.
 
-    `timeout`, `retries` and `transport` are those of `RoverTwin`.
+    The arguments are those of `RoverTwin`.
     """
-
-    def __init__(
-        self,
-        base_url: str = DEFAULT_URL,
-        *,
-        timeout: float | httpx.Timeout = DEFAULT_TIMEOUT,
-        retries: int = DEFAULT_RETRIES,
-        transport: httpx.AsyncBaseTransport | None = None,
-    ) -> None:
-        self._url = checked_url(base_url)
-        self._retries = checked_retries(retries)
-        self._http = httpx.AsyncClient(base_url=self._url, headers=HEADERS, timeout=timeout, transport=transport)
 
     async def predict(
         self,
@@ -71,6 +46,36 @@ class AsyncRoverTwin:
             )
         )
 
+    async def mobility(
+        self,
+        mass_kg: float,
+        torque_min_nm: float,
+        torque_max_nm: float | None = None,
+        horizon_s: float = 10.0,
+        *,
+        torque_steps: int | None = None,
+        slope_min_deg: float | None = None,
+        slope_max_deg: float | None = None,
+        slope_steps: int | None = None,
+        confidence: float | None = None,
+        model: str | None = None,
+    ) -> MobilityMap:
+        """Where a rover of this mass climbs: arguments, units and errors are those of `RoverTwin.mobility`."""
+        return await self._answer(
+            calls.mobility(
+                mass_kg,
+                torque_min_nm,
+                torque_max_nm,
+                horizon_s,
+                torque_steps=torque_steps,
+                slope_min_deg=slope_min_deg,
+                slope_max_deg=slope_max_deg,
+                slope_steps=slope_steps,
+                confidence=confidence,
+                model=model,
+            )
+        )
+
     async def models(self) -> list[ModelInfo]:
         """Every model of the service's store."""
         return await self._answer(calls.models())
@@ -83,26 +88,10 @@ class AsyncRoverTwin:
         """What was published with a version: files and digests, domain, metrics, lineage; raises NotFoundError."""
         return await self._answer(calls.manifest(name, version))
 
+    async def suggested_runs(self, name: str, version: int, n: int | None = None) -> SuggestedRuns:
+        """Which scenarios to simulate next: arguments and errors are those of `RoverTwin.suggested_runs`."""
+        return await self._answer(calls.suggested_runs(name, version, n))
+
     async def ready(self) -> Readiness:
         """Which model answers by default; raises NotReadyError at once, without retrying, when none can."""
         return await self._answer(calls.ready())
-
-    async def aclose(self) -> None:
-        """Closes the connections; the client cannot be used afterwards."""
-        await self._http.aclose()
-
-    async def __aenter__(self) -> Self:
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.aclose()
-
-    async def _answer(self, call: Call[Answer]) -> Answer:
-        return await async_retrying(self._retries if call.retried else 0)(self._attempt, call)
-
-    async def _attempt(self, call: Call[Answer]) -> Answer:
-        with named_failures(self._url):
-            response = await self._http.get(call.path, params=dict(call.query))
-        return call.read(response.status_code, response.headers, response.content)

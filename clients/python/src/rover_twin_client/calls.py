@@ -1,36 +1,54 @@
-"""The questions one can ask: each builds a `Call`, the address to GET and how to read the answer. No I/O.
+"""The questions one can ask: each builds a `Call`, what to send where and how to read the answer. No I/O.
 
 The synchronous and the asynchronous client send the same calls, so both speak the same words.
 """
 
 from __future__ import annotations
 
+import operator
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from http import HTTPStatus
 from typing import Any, Generic, TypeVar
 
 from rover_twin_client import parsing, responses
-from rover_twin_client.answers import ModelInfo, Prediction, Readiness
+from rover_twin_client.answers import MobilityMap, ModelInfo, Prediction, Readiness, SuggestedRuns
 from rover_twin_client.document import Node
 from rover_twin_client.errors import FieldFault, InvalidInputError
 
 Answer = TypeVar("Answer")
+Value = TypeVar("Value")
 NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,62}")
 
 
 @dataclass(frozen=True, slots=True)
 class Call(Generic[Answer]):
-    """One GET: `path` below the base address, `query`, the reader of its document, and whether to try again."""
+    """One request: `path` below the base address, `query`, the reader of the answer, and whether to try again.
+
+    `json` or `form` is its body, `token` says that it needs the token, `read_s` how long the answer may take where
+    that is longer than usual. An answer of one of `statuses` is good; it is JSON unless `is_document` is false.
+    """
 
     path: str
     parse: Callable[[Node], Answer]
     query: Mapping[str, str] = field(default_factory=dict)
     retried: bool = True
+    method: str = "GET"
+    headers: Mapping[str, str] = field(default_factory=dict)
+    json: Mapping[str, Any] | None = None
+    form: Mapping[str, str] | None = None
+    token: bool = False
+    statuses: tuple[int, ...] = (200,)
+    read_s: float | None = None
+    is_document: bool = True
 
     def read(self, status: int, headers: Mapping[str, str], content: bytes) -> Answer:
         """The answer's value, or the named error raised (see `responses.document`)."""
-        return self.parse(responses.document(status, headers, content))
+        if status == HTTPStatus.NO_CONTENT or not self.is_document:
+            responses.require(status, headers, content, self.statuses)
+            return self.parse(Node(content))
+        return self.parse(responses.document(status, headers, content, self.statuses))
 
 
 def predict(
@@ -48,7 +66,7 @@ def predict(
 ) -> Call[Prediction]:
     """GET /v1/predictions. Ranges are the service's to judge; only what cannot be written is refused here."""
     numbers = {"slope_deg": slope_deg, "mass_kg": mass_kg, "torque_nm": torque_nm, "horizon_s": horizon_s}
-    numbers |= {name: value for name, value in (("dt_s", dt_s), ("band_level", band_level)) if value is not None}
+    numbers |= said(dt_s=dt_s, band_level=band_level)
     query = {name: _number(name, value) for name, value in numbers.items()}
     if model is not None:
         query["model"] = model
@@ -61,6 +79,39 @@ def predict(
     return Call("/v1/predictions", parsing.prediction, query)
 
 
+def mobility(
+    mass_kg: float,
+    torque_min_nm: float,
+    torque_max_nm: float | None,
+    horizon_s: float,
+    *,
+    torque_steps: int | None,
+    slope_min_deg: float | None,
+    slope_max_deg: float | None,
+    slope_steps: int | None,
+    confidence: float | None,
+    model: str | None,
+) -> Call[MobilityMap]:
+    """GET /v1/mobility. What is None is left to the service's default; ranges are its to judge."""
+    numbers = {
+        "mass_kg": mass_kg,
+        "torque_min_nm": torque_min_nm,
+        "horizon_s": horizon_s,
+        **said(torque_max_nm=torque_max_nm, slope_min_deg=slope_min_deg, slope_max_deg=slope_max_deg),
+        **said(confidence=confidence),
+    }
+    counts = said(torque_steps=torque_steps, slope_steps=slope_steps)
+    query = {name: _number(name, value) for name, value in numbers.items()}
+    query |= {name: whole(name, value) for name, value in counts.items()}
+    return Call("/v1/mobility", parsing.mobility, query | said(model=model))
+
+
+def suggested_runs(name: str, version: int, n: int | None) -> Call[SuggestedRuns]:
+    """GET /v1/models/{name}/versions/{version}/suggested-runs."""
+    query = {field: whole(field, value) for field, value in said(n=n).items()}
+    return Call(f"{_version_path(name, version)}/suggested-runs", parsing.suggested_runs, query)
+
+
 def models() -> Call[list[ModelInfo]]:
     """GET /v1/models."""
     return Call("/v1/models", parsing.models)
@@ -68,14 +119,12 @@ def models() -> Call[list[ModelInfo]]:
 
 def model(name: str) -> Call[ModelInfo]:
     """GET /v1/models/{name}."""
-    return Call(f"/v1/models/{_name(name)}", parsing.model)
+    return Call(f"/v1/models/{checked_name(name)}", parsing.model)
 
 
 def manifest(name: str, version: int) -> Call[dict[str, Any]]:
     """GET /v1/models/{name}/versions/{version}."""
-    if isinstance(version, bool) or not isinstance(version, int) or version < 1:
-        raise _refused("version", version, "a positive integer")
-    return Call(f"/v1/models/{_name(name)}/versions/{version}", parsing.manifest)
+    return Call(_version_path(name, version), parsing.manifest)
 
 
 def ready() -> Call[Readiness]:
@@ -88,17 +137,45 @@ def _number(name: str, value: object) -> str:
     try:
         return repr(float(value))  # type: ignore[arg-type] # what is no number raises, and is named below
     except (TypeError, ValueError, OverflowError) as fault:
-        raise _refused(name, value, "a number") from fault
+        raise refused(name, value, "a number") from fault
 
 
-def _name(name: str) -> str:
-    # The name becomes part of the address, where `..` or a slash would lead elsewhere.
+def whole(name: str, value: object) -> str:
+    """An integer as text; raises InvalidInputError for what is none."""
+    if isinstance(value, bool):
+        raise refused(name, value, "a whole number")
+    try:
+        # index() takes the integers of Python and NumPy, and no float; str() takes none of thousands of digits.
+        return str(operator.index(value))  # type: ignore[arg-type] # what is no integer raises, and is named below
+    except (TypeError, ValueError) as fault:
+        raise refused(name, value, "a whole number") from fault
+
+
+def said(**values: Value | None) -> dict[str, Value]:
+    """Those that are not None."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _version_path(name: str, version: int) -> str:
+    if isinstance(version, bool) or not isinstance(version, int) or version < 1:
+        raise refused("version", version, "a positive integer")
+    return f"/v1/models/{checked_name(name)}/versions/{whole('version', version)}"
+
+
+def checked_name(name: str, field: str = "name") -> str:
+    """The name of a model or an alias; raises InvalidInputError for what is none."""
+    # It becomes part of the address, where `..` or a slash would lead elsewhere.
     if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise _refused("name", name, "1 to 63 of a-z, 0-9 and -, not starting with -")
+        raise refused(field, name, "1 to 63 of a-z, 0-9 and -, not starting with -")
     return name
 
 
-def _refused(name: str, value: object, allowed: str) -> InvalidInputError:
-    message = f"{name} is {value!r}, allowed is {allowed}"
+def refused(name: str, value: object, allowed: str) -> InvalidInputError:
+    """The error for a value that cannot even be sent."""
+    try:
+        shown = repr(value)
+    except ValueError:  # an integer of thousands of digits
+        shown = "a number too long to write"
+    message = f"{name} is {shown}, allowed is {allowed}"
     fault = FieldFault(field=name, value=value, allowed=allowed, message=message)
     return InvalidInputError(message, faults=(fault,))

@@ -3,45 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from types import TracebackType
-from typing import Any, Self
-
-import httpx
+from typing import Any
 
 from rover_twin_client import calls
-from rover_twin_client.answers import Frame, ModelInfo, Prediction, Readiness
-from rover_twin_client.calls import Answer, Call
-from rover_twin_client.network import (
-    DEFAULT_RETRIES,
-    DEFAULT_TIMEOUT,
-    DEFAULT_URL,
-    HEADERS,
-    checked_retries,
-    checked_url,
-    named_failures,
-    retrying,
-)
+from rover_twin_client.answers import Frame, MobilityMap, ModelInfo, Prediction, Readiness, SuggestedRuns
+from rover_twin_client.training_client import TrainingClient
 
 
-class RoverTwin:
-    """Talks to one rover-twin service. Safe to share between threads; close it, or use it in a `with`.
+class RoverTwin(TrainingClient):
+    """Talks to one rover-twin service: predictions and models here, datasets and training in `TrainingClient`.
 
-    `timeout` is in seconds for each of connecting, sending and reading (or an httpx.Timeout naming them one by
-    one). `retries` is how many further tries a broken connection or a 503 with Retry-After gets. `transport`
-    replaces the network, for instance by a proxy or a test's own.
+    Safe to share between threads; close it, or use it in a `with`. The arguments are those of `Connection`.
     """
-
-    def __init__(
-        self,
-        base_url: str = DEFAULT_URL,
-        *,
-        timeout: float | httpx.Timeout = DEFAULT_TIMEOUT,
-        retries: int = DEFAULT_RETRIES,
-        transport: httpx.BaseTransport | None = None,
-    ) -> None:
-        self._url = checked_url(base_url)
-        self._retries = checked_retries(retries)
-        self._http = httpx.Client(base_url=self._url, headers=HEADERS, timeout=timeout, transport=transport)
 
     def predict(
         self,
@@ -83,6 +56,46 @@ class RoverTwin:
             )
         )
 
+    def mobility(
+        self,
+        mass_kg: float,
+        torque_min_nm: float,
+        torque_max_nm: float | None = None,
+        horizon_s: float = 10.0,
+        *,
+        torque_steps: int | None = None,
+        slope_min_deg: float | None = None,
+        slope_max_deg: float | None = None,
+        slope_steps: int | None = None,
+        confidence: float | None = None,
+        model: str | None = None,
+    ) -> MobilityMap:
+        """Where a rover of this mass climbs, stalls and slides, over torques (rows) and slopes (columns).
+
+        `torque_min_nm` and `torque_max_nm` are the motor stall torques per wheel at the ends of the rows, both
+        included; without the latter there is one row. `torque_steps` and `slope_steps` (2 to 64) say how many there
+        are, `slope_min_deg` and `slope_max_deg` which slopes; the service's defaults are 10 torques, and 36 slopes
+        from 0 to 35 degrees. `confidence` (0.75 to 0.995, 0.9 without it) is how sure the steepest slope must be
+        climbed; versions without a band go by their central estimate. `model` is that of `predict`.
+
+        Raises InvalidInputError for values out of range, for a range that ends before it starts and for a map that
+        costs too much (torques x slopes x `horizon_s`); otherwise what `predict` raises.
+        """
+        return self._answer(
+            calls.mobility(
+                mass_kg,
+                torque_min_nm,
+                torque_max_nm,
+                horizon_s,
+                torque_steps=torque_steps,
+                slope_min_deg=slope_min_deg,
+                slope_max_deg=slope_max_deg,
+                slope_steps=slope_steps,
+                confidence=confidence,
+                model=model,
+            )
+        )
+
     def models(self) -> list[ModelInfo]:
         """Every model of the service's store."""
         return self._answer(calls.models())
@@ -95,27 +108,13 @@ class RoverTwin:
         """What was published with a version: files and digests, domain, metrics, lineage; raises NotFoundError."""
         return self._answer(calls.manifest(name, version))
 
+    def suggested_runs(self, name: str, version: int, n: int | None = None) -> SuggestedRuns:
+        """Which scenarios to simulate next (`n` of them, 1 to 64; 8 without it) to lower this version's error the most.
+
+        Raises NotFoundError, and InvalidInputError for a version whose manifest does not list its training runs.
+        """
+        return self._answer(calls.suggested_runs(name, version, n))
+
     def ready(self) -> Readiness:
         """Which model answers by default; raises NotReadyError at once, without retrying, when none can."""
         return self._answer(calls.ready())
-
-    def close(self) -> None:
-        """Closes the connections; the client cannot be used afterwards."""
-        self._http.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _answer(self, call: Call[Answer]) -> Answer:
-        answer: Answer = retrying(self._retries if call.retried else 0)(self._attempt, call)
-        return answer
-
-    def _attempt(self, call: Call[Answer]) -> Answer:
-        with named_failures(self._url):
-            response = self._http.get(call.path, params=dict(call.query))
-        return call.read(response.status_code, response.headers, response.content)

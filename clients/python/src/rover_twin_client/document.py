@@ -5,12 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from datetime import datetime
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rover_twin_client.answers import Array
+from rover_twin_client.answers import Array, Flags, Words
 from rover_twin_client.errors import UnexpectedAnswerError
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+LONGEST_WORD = 40  # an array of words gives each of them the room of the longest one
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +39,12 @@ class Node:
         """Each name and value of an object, in the order sent."""
         return ((key, self[key]) for key in self._object())
 
-    def items(self) -> Iterator[Node]:
-        """Each item of a list, in the order sent."""
+    def items(self, length: int | None = None) -> Iterator[Node]:
+        """Each item of a list, in the order sent; `length` items where it is given."""
         if not isinstance(self.value, list):
             raise self._unfit("a list")
+        if length is not None and len(self.value) != length:
+            raise self._unfit(f"a list of length {length}, but it has {len(self.value)}")
         return (Node(item, f"{self.path}[{at}]") for at, item in enumerate(self.value))
 
     def text(self) -> str:
@@ -70,6 +77,16 @@ class Node:
             raise self._unfit("a finite number")
         return number
 
+    def moment(self) -> datetime:
+        """A time with its zone."""
+        try:
+            moment = datetime.fromisoformat(self.text())
+        except ValueError as fault:
+            raise self._unfit("a time") from fault
+        if moment.tzinfo is None:
+            raise self._unfit("a time with its zone")
+        return moment
+
     def array(self, length: int | None = None) -> Array:
         """A list of finite numbers as a read-only float64 array (N,), N being `length` where it is given."""
         try:
@@ -82,10 +99,36 @@ class Node:
         if not np.isfinite(numbers).all():
             raise self._unfit("a list of finite numbers")
         if length is not None and numbers.size != length:
-            raise self._unfit(f"as long as time_s ({length}), but has {numbers.size} numbers")
-        numbers = numbers.astype(np.float64)
-        numbers.setflags(write=False)
-        return numbers
+            raise self._unfit(f"a list of length {length}, but it has {numbers.size}")
+        return _read_only(numbers.astype(np.float64))
+
+    def numbers(self, *shape: int, gaps: bool = False) -> Array:
+        """Finite numbers in lists of this shape as a read-only float64 array; with `gaps`, null becomes NaN."""
+        cells = self._cells(*shape)
+        numbers = [math.nan if gaps and cell.value is None else cell.number() for cell in cells]
+        return _read_only(np.array(numbers, dtype=np.float64).reshape(shape))
+
+    def flags(self, *shape: int) -> Flags:
+        """True and false in lists of this shape as a read-only array."""
+        return _read_only(np.array([cell.flag() for cell in self._cells(*shape)], dtype=np.bool_).reshape(shape))
+
+    def words(self, *shape: int) -> Words:
+        """Short strings in lists of this shape as a read-only array."""
+        return _read_only(np.array([cell.word() for cell in self._cells(*shape)], dtype=np.str_).reshape(shape))
+
+    def word(self) -> str:
+        """A short string."""
+        if len(self.text()) > LONGEST_WORD:
+            raise self._unfit(f"at most {LONGEST_WORD} characters")
+        return self.text()
+
+    def _cells(self, *shape: int) -> Iterator[Node]:
+        """The innermost items of lists of this shape, the last index fastest."""
+        if not shape:
+            yield self
+            return
+        for item in self.items(shape[0]):
+            yield from item._cells(*shape[1:])
 
     def _object(self) -> dict[str, Any]:
         if not isinstance(self.value, dict):
@@ -94,6 +137,11 @@ class Node:
 
     def _unfit(self, wanted: str) -> UnexpectedAnswerError:
         return UnexpectedAnswerError(f"{self.path} is {_shortened(self.value)}, expected {wanted}")
+
+
+def _read_only(array: NDArray[Scalar]) -> NDArray[Scalar]:
+    array.setflags(write=False)
+    return array
 
 
 def _shortened(value: object, longest: int = 60) -> str:

@@ -6,10 +6,15 @@
     ├── UnexpectedAnswerError     an answer came that this client cannot read: another service, or a newer one
     ├── RefusedError              4xx: the same question would be refused again
     │   ├── InvalidInputError     422: a value is out of range or of the wrong kind (also ValueError)
-    │   │   └── OutsideDomainError    strict=True and the model was never validated there
-    │   └── NotFoundError         404: no such model, version, alias or address (also LookupError)
-    └── ServerError               5xx: the question was fine, the service failed
-        └── NotReadyError         503: try again later (`retry_after_s` when the service says how long)
+    │   │   ├── OutsideDomainError    strict=True and the model was never validated there
+    │   │   └── DatasetRejectedError  nothing of an upload can be used: `report` says why
+    │   ├── NotAllowedError       401, 403: no token, a wrong one, or the service has none (also PermissionError)
+    │   ├── NotFoundError         404: no such model, version, alias, dataset, job or address (also LookupError)
+    │   ├── ConflictError         409, 412, 428: not in the present state: in use, ended, or moved meanwhile
+    │   └── QueueFullError        429: too many jobs wait (`retry_after_s`)
+    ├── ServerError               5xx: the question was fine, the service failed
+    │   └── NotReadyError         503: try again later (`retry_after_s` when the service says how long)
+    └── TrainingFailedError       a job that was waited for failed or was cancelled: `job` says why
 
 Every class carries `problem`, the service's own RFC 9457 answer, or None where no answer came.
 """
@@ -19,6 +24,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+from rover_twin_client.training import TrainingJob, UploadReport
 
 PROBLEM_PREFIX = "urn:rover-twin:problem:"
 
@@ -90,8 +97,35 @@ class OutsideDomainError(InvalidInputError):
     """Asked with strict=True, outside the region where the model was validated."""
 
 
+class DatasetRejectedError(InvalidInputError):
+    """Nothing of an upload can be used, or `strict` was asked for and a run is unusable.
+
+    `report` says what was found, by file, row and column; None when the answer has none that can be read.
+    """
+
+    def __init__(self, message: str, problem: Problem | None = None, report: UploadReport | None = None) -> None:
+        self.report = report
+        super().__init__(message, problem)
+
+
+class NotAllowedError(RefusedError, PermissionError):
+    """The token is missing or wrong, or the service was started without one."""
+
+
 class NotFoundError(RefusedError, LookupError):
-    """No such model, version, alias or address."""
+    """No such model, version, alias, dataset, job or address."""
+
+
+class ConflictError(RefusedError):
+    """Not in the present state: a dataset in use, a job that has ended, an alias that moved. Look, decide again."""
+
+
+class QueueFullError(RefusedError):
+    """As many training jobs wait as may wait; `retry_after_s` is when to try again, in seconds, or None."""
+
+    def __init__(self, message: str, problem: Problem | None = None, retry_after_s: float | None = None) -> None:
+        self.retry_after_s = retry_after_s
+        super().__init__(message, problem)
 
 
 class ServerError(RoverTwinError):
@@ -104,3 +138,11 @@ class NotReadyError(ServerError):
     def __init__(self, message: str, problem: Problem | None = None, retry_after_s: float | None = None) -> None:
         self.retry_after_s = retry_after_s
         super().__init__(message, problem)
+
+
+class TrainingFailedError(RoverTwinError):
+    """A training job that was waited for ended without a version: `job.state` is failed or cancelled."""
+
+    def __init__(self, message: str, job: TrainingJob) -> None:
+        self.job = job
+        super().__init__(message)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import httpx
 from tenacity import (
@@ -16,6 +18,7 @@ from tenacity import (
     wait_random_exponential,
 )
 
+from rover_twin_client.calls import Call
 from rover_twin_client.errors import (
     ConnectionFailedError,
     NotReadyError,
@@ -24,11 +27,12 @@ from rover_twin_client.errors import (
 )
 
 DEFAULT_URL = "http://127.0.0.1:8000"
-# A service that is there accepts at once; an answer takes milliseconds, but a version asked for the first time
-# is read from its store first.
+# A service that is there accepts at once; an answer takes milliseconds, but the largest map takes seconds, and a
+# version asked for the first time is read from its store first.
 DEFAULT_TIMEOUT = httpx.Timeout(connect=3.0, read=30.0, write=10.0, pool=10.0)
 DEFAULT_RETRIES = 2
 LONGEST_WAIT_S = 10.0  # a service that asks for more is reported instead of waited for
+ACTOR = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._@+-]{0,99}")
 HEADERS = {"Accept": "application/json", "User-Agent": "rover-twin-client"}
 
 
@@ -48,6 +52,48 @@ def checked_retries(retries: int) -> int:
     if isinstance(retries, bool) or not isinstance(retries, int) or not 0 <= retries <= 10:
         raise ValueError(f"retries is {retries!r}, allowed is 0 to 10")
     return retries
+
+
+def checked_token(token: str | None) -> dict[str, str]:
+    """The header that a token is sent in; raises ValueError, which does not show it, for what no header can carry."""
+    if token is None:
+        return {}
+    if not isinstance(token, str) or not token.isascii() or not token.isprintable() or not token.strip():
+        raise ValueError("token is allowed to be visible ASCII characters: what ROVER_TWIN_ADMIN_TOKEN is there")
+    return {"Authorization": f"Bearer {token.strip()}"}
+
+
+def checked_actor(actor: str | None) -> dict[str, str]:
+    """The header that names who asks, for the service's records; raises ValueError for what it does not take."""
+    if actor is None:
+        return {}
+    if not isinstance(actor, str) or not ACTOR.fullmatch(actor):
+        allowed = "1 to 100 of A-Z a-z 0-9 space . _ @ + -, starting with a letter or digit"
+        raise ValueError(f"actor is {actor!r}, allowed is {allowed}")
+    return {"X-Actor": actor}
+
+
+def request_of(
+    http: httpx.Client | httpx.AsyncClient, call: Call[Any], files: dict[str, Any] | None, credentials: dict[str, str]
+) -> httpx.Request:
+    """The request that a call is; `credentials` are sent only where it needs them."""
+    return http.build_request(
+        call.method,
+        call.path,
+        params=dict(call.query),
+        json=call.json,
+        data=call.form,
+        files=files,
+        headers={**call.headers, **(credentials if call.token else {})},
+        timeout=patient(http.timeout, call.read_s or 0.0),
+    )
+
+
+def patient(usual: httpx.Timeout, read_s: float) -> httpx.Timeout:
+    """The client's timeout, with at least `read_s` between two pieces of an answer."""
+    if usual.read is None or usual.read >= read_s:
+        return usual
+    return httpx.Timeout(connect=usual.connect, read=read_s, write=usual.write, pool=usual.pool)
 
 
 def retrying(retries: int) -> Retrying:
@@ -75,7 +121,7 @@ def named_failures(base_url: httpx.URL) -> Iterator[None]:
 
 
 def _is_worth_another_try(fault: BaseException) -> bool:
-    # Every call is a GET, so repeating it is harmless. A 503 without Retry-After (a corrupt version, say) does
+    # Only calls that are harmless to repeat come here. A 503 without Retry-After (a corrupt version, say) does
     # not heal in seconds; one that took the whole timeout has cost the caller enough.
     if isinstance(fault, NotReadyError):
         return fault.retry_after_s is not None and fault.retry_after_s <= LONGEST_WAIT_S

@@ -10,6 +10,7 @@ from rover_twin_client.answers import (
     Domain,
     DomainReason,
     Frame,
+    MobilityMap,
     ModelIdentity,
     ModelInfo,
     NearestRun,
@@ -17,6 +18,9 @@ from rover_twin_client.answers import (
     Prior,
     Readiness,
     Scenario,
+    SuggestedRun,
+    SuggestedRuns,
+    SuggestionReason,
     Summary,
 )
 from rover_twin_client.document import Node
@@ -43,6 +47,33 @@ def prediction(answer: Node) -> Prediction:
         domain=_domain(answer["domain"]),
         summary=_summary(answer["summary"]),
         band=None if band is None else _band(band, time_s.size),
+    )
+
+
+def mobility(answer: Node) -> MobilityMap:
+    """The answer of /v1/mobility: every table must have a row for each torque and a column for each slope."""
+    torque_nm, slope_deg = answer["torque_nm"].array(), answer["slope_deg"].array()
+    shape = torque_nm.size, slope_deg.size
+    return MobilityMap(
+        model=_identity(answer["model"]),
+        mass_kg=answer["mass_kg"].number(),
+        horizon_s=answer["horizon_s"].number(),
+        confidence=_optional_number(answer, "confidence"),
+        steepest_by=answer["steepest_by"].text(),
+        torque_nm=torque_nm,
+        slope_deg=slope_deg,
+        outcome=answer["outcome"].words(*shape),
+        mean_speed_m_s=answer["mean_speed_m_s"].numbers(*shape),
+        slip_ratio=answer["slip_ratio"].numbers(*shape, gaps=True),
+        inside_domain=answer["inside_domain"].flags(*shape),
+        steepest_climb_slope_deg=answer["steepest_climb_slope_deg"].numbers(torque_nm.size, gaps=True),
+    )
+
+
+def suggested_runs(answer: Node) -> SuggestedRuns:
+    """The answer of /v1/models/{name}/versions/{version}/suggested-runs."""
+    return SuggestedRuns(
+        model=_identity(answer["model"]), runs=tuple(_suggested_run(item) for item in answer["runs"].items())
     )
 
 
@@ -157,6 +188,24 @@ def _summary(node: Node) -> Summary:
         distance_m=node["distance_m"].number(),
         mean_speed_m_s=node["mean_speed_m_s"].number(),
         slip_ratio=_optional_number(node, "slip_ratio"),
+    )
+
+
+def _suggested_run(node: Node) -> SuggestedRun:
+    reason = node["reason"]
+    return SuggestedRun(
+        file=node["file"].text(),
+        set=node["set"].text(),
+        slope_deg=node["slope_deg"].number(),
+        mass_kg=node["mass_kg"].number(),
+        torque_nm=node["torque_nm"].number(),
+        horizon_s=node["horizon_s"].number(),
+        step_s=node["step_s"].number(),
+        reason=SuggestionReason(
+            expected_error_m=_optional_number(reason, "expected_error_m"),
+            distance=reason["distance"].number(),
+            nearest_run=reason["nearest_run"].text(),
+        ),
     )
 
 

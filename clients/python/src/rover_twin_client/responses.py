@@ -3,41 +3,55 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from http import HTTPStatus
 from typing import Any
 
+from rover_twin_client import training_parsing
 from rover_twin_client.document import Node
 from rover_twin_client.errors import (
+    ConflictError,
+    DatasetRejectedError,
     FieldFault,
     InvalidInputError,
+    NotAllowedError,
     NotFoundError,
     NotReadyError,
     OutsideDomainError,
     Problem,
+    QueueFullError,
     RefusedError,
     RoverTwinError,
     ServerError,
     UnexpectedAnswerError,
 )
+from rover_twin_client.training import UploadReport
 
+_CONFLICTS = (HTTPStatus.CONFLICT, HTTPStatus.PRECONDITION_FAILED, HTTPStatus.PRECONDITION_REQUIRED)
 SHOWN_CHARACTERS = 200  # of a body that is not ours: enough to recognise a proxy's page
 
 
-def document(status: int, headers: Mapping[str, str], content: bytes) -> Node:
+def document(
+    status: int, headers: Mapping[str, str], content: bytes, statuses: Collection[int] = (HTTPStatus.OK,)
+) -> Node:
     """The JSON document of a successful answer; `headers` must compare names without case.
 
-    Raises UnexpectedAnswerError for 1xx to 3xx other than 200 and for what is not JSON, and the named error of
-    the status for 4xx and 5xx.
+    Raises UnexpectedAnswerError for what is not JSON, and what `require` raises.
     """
-    if status >= HTTPStatus.BAD_REQUEST:
-        raise failure(status, headers, content)
-    if status != HTTPStatus.OK:
-        raise UnexpectedAnswerError(f"the service answered HTTP {status}, expected 200: is base_url right?")
+    require(status, headers, content, statuses)
     try:
         return Node(json.loads(content))
     except (ValueError, RecursionError) as fault:
         raise UnexpectedAnswerError(f"the answer is not JSON: {_shown(content)!r}") from fault
+
+
+def require(status: int, headers: Mapping[str, str], content: bytes, statuses: Collection[int]) -> None:
+    """Raises UnexpectedAnswerError for 1xx to 3xx other than `statuses`, and the named error for 4xx and 5xx."""
+    if status >= HTTPStatus.BAD_REQUEST:
+        raise failure(status, headers, content)
+    if status not in statuses:
+        expected = " or ".join(str(int(each)) for each in statuses)
+        raise UnexpectedAnswerError(f"the service answered HTTP {status}, expected {expected}: is base_url right?")
 
 
 def failure(status: int, headers: Mapping[str, str], content: bytes) -> RoverTwinError:
@@ -50,8 +64,16 @@ def failure(status: int, headers: Mapping[str, str], content: bytes) -> RoverTwi
         return ServerError(message, problem)
     if status == HTTPStatus.NOT_FOUND:
         return NotFoundError(message, problem)
+    if status in (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN):
+        return NotAllowedError(message, problem)
+    if status in _CONFLICTS:
+        return ConflictError(message, problem)
+    if problem.slug == "queue-full":
+        return QueueFullError(message, problem, _retry_after_s(headers))
     if problem.slug == "outside-domain":
         return OutsideDomainError(message, problem)
+    if problem.slug == "dataset-rejected":
+        return DatasetRejectedError(message, problem, _report(problem))
     if status == HTTPStatus.UNPROCESSABLE_ENTITY:
         return InvalidInputError(message, problem)
     return RefusedError(message, problem)
@@ -70,6 +92,13 @@ def _problem(status: int, content: bytes) -> Problem:
         faults=tuple(_fault(fault) for fault in faults if isinstance(fault, dict)) if isinstance(faults, list) else (),
         members=members,
     )
+
+
+def _report(problem: Problem) -> UploadReport | None:
+    try:
+        return training_parsing.report(Node(problem.members)["report"])
+    except UnexpectedAnswerError:
+        return None
 
 
 def _members(content: bytes) -> dict[str, Any]:

@@ -1,0 +1,148 @@
+"""What the asynchronous client stands on: `connection`, awaited."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import httpx
+from httpx_sse import EventSource, ServerSentEvent
+
+from rover_twin_client.calls import Answer, Call
+from rover_twin_client.following import SILENCE_S, Following, ended_early
+from rover_twin_client.network import (
+    DEFAULT_RETRIES,
+    DEFAULT_TIMEOUT,
+    DEFAULT_URL,
+    HEADERS,
+    async_retrying,
+    checked_actor,
+    checked_retries,
+    checked_token,
+    checked_url,
+    named_failures,
+    patient,
+    request_of,
+)
+from rover_twin_client.saving import whole_file
+from rover_twin_client.training import JobEvent
+
+
+class AsyncConnection:
+    """Talks to one rover-twin service from one event loop; the arguments are those of `Connection`."""
+
+    def __init__(
+        self,
+        base_url: str = DEFAULT_URL,
+        *,
+        token: str | None = None,
+        actor: str | None = None,
+        timeout: float | httpx.Timeout = DEFAULT_TIMEOUT,
+        retries: int = DEFAULT_RETRIES,
+        transport: httpx.AsyncBaseTransport | None = None,
+    ) -> None:
+        self._url = checked_url(base_url)
+        self._retries = checked_retries(retries)
+        self._credentials = checked_token(token) | checked_actor(actor)
+        self._http = httpx.AsyncClient(base_url=self._url, headers=HEADERS, timeout=timeout, transport=transport)
+
+    async def aclose(self) -> None:
+        """Closes the connections; the client cannot be used afterwards."""
+        await self._http.aclose()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.aclose()
+
+    async def _answer(self, call: Call[Answer], files: dict[str, Any] | None = None) -> Answer:
+        return await async_retrying(self._retries if call.retried else 0)(self._attempt, call, files)
+
+    async def _attempt(self, call: Call[Answer], files: dict[str, Any] | None) -> Answer:
+        with named_failures(self._url):
+            response = await self._http.send(request_of(self._http, call, files, self._credentials))
+        return call.read(response.status_code, response.headers, response.content)
+
+    async def _save(self, call: Call[bytes], path: Path) -> Path:
+        return await async_retrying(self._retries)(self._attempt_to_save, call, path)
+
+    async def _attempt_to_save(self, call: Call[bytes], path: Path) -> Path:
+        async with AsyncExitStack() as opened:
+            opened.enter_context(named_failures(self._url))
+            response = await self._http.send(request_of(self._http, call, None, self._credentials), stream=True)
+            opened.push_async_callback(response.aclose)
+            if response.status_code != httpx.codes.OK:
+                call.read(response.status_code, response.headers, await response.aread())
+            take = opened.enter_context(whole_file(path, response.headers))
+            async for piece in response.aiter_bytes():
+                take(piece)
+        return path
+
+    async def _follow(self, path: str, following: Following) -> AsyncIterator[JobEvent]:
+        stream = _Stream(self, path, following)
+        try:
+            while not following.ended:
+                event: JobEvent | None = await following.async_again()(stream.next_event)
+                if event is not None:
+                    yield event
+        finally:
+            await stream.aclose()
+
+    async def _open_stream(self, path: str, following: Following) -> httpx.Response:
+        headers = following.headers() | self._credentials
+        timeout = patient(self._http.timeout, SILENCE_S)
+        response = await self._http.send(
+            self._http.build_request("GET", path, headers=headers, timeout=timeout), stream=True
+        )
+        try:
+            is_stream = response.status_code == httpx.codes.OK
+            following.accept(response.status_code, response.headers, b"" if is_stream else await response.aread())
+        except BaseException:
+            await response.aclose()
+            raise
+        return response
+
+
+class _Stream:
+    """The connection that events come over; made again when it broke."""
+
+    def __init__(self, connection: AsyncConnection, path: str, following: Following) -> None:
+        self._connection = connection
+        self._path = path
+        self._following = following
+        self._response: httpx.Response | None = None
+        self._sent: AsyncIterator[ServerSentEvent] | None = None
+
+    async def next_event(self) -> JobEvent | None:
+        """The next one, None when there will be none; raises when the connection cannot be made or breaks."""
+        try:
+            with named_failures(self._connection._url):
+                return await self._read()
+        except BaseException:
+            await self.aclose()
+            raise
+
+    async def _read(self) -> JobEvent | None:
+        if self._response is None:
+            self._response = await self._connection._open_stream(self._path, self._following)
+            self._sent = EventSource(self._response).aiter_sse()
+        if self._following.ended:
+            return None
+        assert self._sent is not None
+        async for sent in self._sent:
+            event = self._following.read(sent)
+            if event is not None:
+                return event
+        raise ended_early()
+
+    async def aclose(self) -> None:
+        """Let go of the connection."""
+        if self._response is not None:
+            await self._response.aclose()
+            self._response = None

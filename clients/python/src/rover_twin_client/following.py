@@ -1,0 +1,142 @@
+"""Follows a job's events over connections that may break: what both clients share. No I/O.
+
+An event is waited for over at most `RECONNECTS` connections that bring nothing; each event that comes starts anew.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from http import HTTPStatus
+
+from httpx_sse import ServerSentEvent
+from tenacity import AsyncRetrying, RetryCallState, Retrying, retry_if_exception_type, stop_after_delay, wait_fixed
+
+from rover_twin_client import responses, training_parsing
+from rover_twin_client.calls import refused
+from rover_twin_client.document import Node
+from rover_twin_client.errors import (
+    ConnectionFailedError,
+    NotReadyError,
+    TimedOutError,
+    TrainingFailedError,
+    UnexpectedAnswerError,
+)
+from rover_twin_client.training import JobEvent, TrainingJob
+
+RECONNECTS = 30  # a minute, at the two seconds that the service asks for: it may be restarted meanwhile
+# The service sends a comment every 15 s: a connection that is silent for longer is dead.
+SILENCE_S = 45.0
+_PAUSE_S = 0.5
+_LONGEST_PAUSE_S = 30.0
+_LOOK_EVERY_S = 1.0
+_DROPS = (ConnectionFailedError, TimedOutError, NotReadyError)
+_DROPPED = retry_if_exception_type(_DROPS)
+
+
+class Following:
+    """How far the events of one job have been read."""
+
+    def __init__(self, after: int | None, retries: int) -> None:
+        if after is not None and (isinstance(after, bool) or not isinstance(after, int) or after < 0):
+            raise refused("after", after, "the number of an event, 0 or more")
+        self.number = after
+        self.ended = False
+        self._tries = 1 + retries  # until a first connection stands: who asks nobody wants to know soon
+        self._pause_s = _PAUSE_S
+
+    def headers(self) -> dict[str, str]:
+        """What to ask the next connection with."""
+        headers = {"Accept": "text/event-stream", "Cache-Control": "no-store"}
+        return headers if self.number is None else headers | {"Last-Event-ID": str(self.number)}
+
+    def accept(self, status: int, headers: Mapping[str, str], content: bytes) -> None:
+        """Judges the head of an answer; `content` is its body unless it is a stream. 204: nothing will ever come."""
+        if status == HTTPStatus.NO_CONTENT:
+            self.ended = True
+            return
+        responses.require(status, headers, content, (HTTPStatus.OK,))
+        kind = headers.get("content-type", "")
+        if not kind.startswith("text/event-stream"):
+            raise UnexpectedAnswerError(f"the answer is {kind!r}, expected text/event-stream: is base_url right?")
+        self._tries = 1 + RECONNECTS
+
+    def read(self, sent: ServerSentEvent) -> JobEvent | None:
+        """The job's event; None for what is none (a pause to keep, a comment) or was read before."""
+        if sent.retry is not None:
+            self._pause_s = min(sent.retry / 1000, _LONGEST_PAUSE_S)
+        if not sent.data:
+            return None
+        try:
+            number, data = int(sent.id), json.loads(sent.data)
+        except (ValueError, RecursionError) as fault:
+            raise UnexpectedAnswerError(f"the event {sent!r:.200} cannot be read") from fault
+        if self.number is not None and number <= self.number:
+            return None
+        event = training_parsing.event(number, sent.event, Node(data, f"event {number}"))
+        self.number, self.ended = number, event.is_last
+        return event
+
+    def again(self) -> Retrying:
+        """Runs a function until it does not fail for want of a connection."""
+        return Retrying(stop=self._gives_up, wait=self._wait, retry=_DROPPED, reraise=True)
+
+    def async_again(self) -> AsyncRetrying:
+        """`again` for coroutines."""
+        return AsyncRetrying(stop=self._gives_up, wait=self._wait, retry=_DROPPED, reraise=True)
+
+    def _gives_up(self, state: RetryCallState) -> bool:
+        return state.attempt_number >= self._tries
+
+    def _wait(self, _: RetryCallState) -> float:
+        return self._pause_s
+
+
+class Waiting:
+    """Looks at a job every second until it has ended, over drops of the service as `Following` bears them."""
+
+    def __init__(self, timeout_s: float) -> None:
+        if not 0 < timeout_s < float("inf"):
+            raise refused("timeout_s", timeout_s, "more than 0 seconds, and finite")
+        self._timeout_s = timeout_s
+        self._seen = False
+        self._drops = 0
+
+    def looking(self) -> Retrying:
+        """Runs a function that gets the job until that has ended; raises TimedOutError when it has not in time."""
+        stop = stop_after_delay(self._timeout_s)
+        return Retrying(stop=stop, wait=wait_fixed(_LOOK_EVERY_S), retry=self._goes_on, retry_error_callback=self._late)
+
+    def async_looking(self) -> AsyncRetrying:
+        """`looking` for coroutines."""
+        stop = stop_after_delay(self._timeout_s)
+        return AsyncRetrying(
+            stop=stop, wait=wait_fixed(_LOOK_EVERY_S), retry=self._goes_on, retry_error_callback=self._late
+        )
+
+    def _goes_on(self, state: RetryCallState) -> bool:
+        assert state.outcome is not None
+        if state.outcome.failed:
+            self._drops += 1
+            return isinstance(state.outcome.exception(), _DROPS) and self._seen and self._drops <= RECONNECTS
+        self._seen, self._drops = True, 0
+        job: TrainingJob = state.outcome.result()
+        return not job.ended
+
+    def _late(self, state: RetryCallState) -> TrainingJob:
+        assert state.outcome is not None
+        job: TrainingJob = state.outcome.result()  # raises what the last look raised
+        raise TimedOutError(f"training job {job.id} is {job.state} after {self._timeout_s:g} s; it goes on")
+
+
+def succeeded(job: TrainingJob) -> TrainingJob:
+    """The job; raises TrainingFailedError when it ended without a version."""
+    if job.state == "succeeded":
+        return job
+    reason = f": {job.failure.message} {job.failure.remedy}" if job.failure else ""
+    raise TrainingFailedError(f"training job {job.id} {job.state}{reason}", job)
+
+
+def ended_early() -> ConnectionFailedError:
+    """The service closed the stream before the job's last event: it was restarted, or an hour was over."""
+    return ConnectionFailedError("the stream of events ended before the job did")

@@ -1,0 +1,207 @@
+"""The operator's questions: uploads, training jobs, aliases. Each builds a `Call` that needs the token. No I/O."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+from urllib.parse import quote
+
+from rover_twin_client import training_parsing as parsing
+from rover_twin_client.calls import Call, checked_name, refused, said, whole
+from rover_twin_client.training import Alias, Dataset, DatasetInfo, TrainingJob, Upload
+
+DATASETS = "/v1/admin/datasets"
+JOBS = "/v1/admin/training-jobs"
+PAGE = 200
+# The service imports a gigabyte of text in minutes, and answers when it is done.
+UPLOAD_S = 900.0
+_KEY = re.compile(r"[\x21\x23-\x5b\x5d-\x7e]{1,255}")
+
+
+def upload(fields: Mapping[str, str], *, retried: bool) -> Call[Upload]:
+    """POST /v1/admin/datasets. The same content again is the same dataset, so repeating it is harmless."""
+    return Call(
+        DATASETS, parsing.upload, method="POST", form=fields, statuses=(200, 201), read_s=UPLOAD_S, retried=retried,
+        token=True,
+    )  # fmt: skip
+
+
+def upload_fields(
+    *,
+    name: str | None,
+    description: str | None,
+    slope_deg: float | None,
+    mass_kg: float | None,
+    torque_nm: float | None,
+    horizon_s: float | None,
+    set_name: str | None,
+    column_map: str | Mapping[str, object] | None,
+    passport: Mapping[str, object] | None,
+    strict: bool,
+    dry_run: bool,
+) -> dict[str, str]:
+    """The fields beside the file, as a form carries them; what is None is left to the service."""
+    fields: dict[str, str] = said(name=name, description=description, set_name=set_name)
+    numbers = said(slope_deg=slope_deg, mass_kg=mass_kg, torque_nm=torque_nm, horizon_s=horizon_s)
+    fields |= {field: repr(_number(field, value)) for field, value in numbers.items()}
+    if column_map is not None:
+        fields["column_map"] = column_map if isinstance(column_map, str) else _json("column_map", column_map)
+    if passport is not None:
+        fields["passport"] = _json("passport", passport)
+    return fields | {field: "true" for field, wanted in (("strict", strict), ("dry_run", dry_run)) if wanted}
+
+
+def datasets(after: str | None) -> Call[tuple[list[DatasetInfo], bool]]:
+    """GET /v1/admin/datasets: one page."""
+    return Call(DATASETS, parsing.datasets, {"limit": str(PAGE), **said(after=after)}, token=True)
+
+
+def dataset(reference: str) -> Call[Dataset]:
+    """GET /v1/admin/datasets/{dataset}."""
+    return Call(_path(DATASETS, "dataset", reference), parsing.dataset, token=True)
+
+
+def preview(reference: str, form: str) -> Call[bytes]:
+    """GET /v1/admin/datasets/{dataset}/preview."""
+    path = f"{_path(DATASETS, 'dataset', reference)}/preview"
+    return Call(path, parsing.content, {"format": form}, is_document=False, token=True)
+
+
+def download(reference: str) -> Call[bytes]:
+    """GET /v1/admin/datasets/{dataset}/download; the clients write its body to a file as it comes."""
+    path = f"{_path(DATASETS, 'dataset', reference)}/download"
+    return Call(path, parsing.content, is_document=False, token=True)
+
+
+def delete_dataset(identity: str) -> Call[None]:
+    """DELETE /v1/admin/datasets/{id}."""
+    path = _path(DATASETS, "dataset", identity)
+    return Call(path, parsing.nothing, method="DELETE", statuses=(204,), retried=False, token=True)
+
+
+def start(request: Mapping[str, Any], key: str) -> Call[TrainingJob]:
+    """POST /v1/admin/training-jobs. With the key the same request is the same job, however often it is sent."""
+    if not isinstance(key, str) or not _KEY.fullmatch(key):
+        raise refused("idempotency_key", key, "1 to 255 visible ASCII characters without quotes and backslashes")
+    headers = {"Idempotency-Key": f'"{key}"'}
+    return Call(JOBS, parsing.job, method="POST", json=request, headers=headers, statuses=(202,), token=True)
+
+
+def job_request(
+    model: str,
+    datasets: Iterable[str],
+    *,
+    test_slopes_deg: Iterable[float],
+    test_fraction: float | None,
+    max_epochs: int | None,
+    max_minutes: float | None,
+    seed: int | None,
+    margin: float | None,
+    inputs: Iterable[str] | None,
+    **others: str | None,
+) -> dict[str, Any]:
+    """The body of a request for a training job; what is None is left to the service's defaults."""
+    asked: dict[str, Any] = {
+        "model": model,
+        "datasets": [datasets] if isinstance(datasets, str) else list(datasets),
+        **said(**others),
+    }
+    split: dict[str, Any] = {name: _number(name, value) for name, value in said(test_fraction=test_fraction).items()}
+    slopes = [_number("test_slopes_deg", slope) for slope in test_slopes_deg]
+    if slopes:
+        split["test_slopes_deg"] = slopes
+    budget: dict[str, Any] = {name: _number(name, value) for name, value in said(max_minutes=max_minutes).items()}
+    budget |= {name: int(whole(name, value)) for name, value in said(max_epochs=max_epochs).items()}
+    asked |= {name: int(whole(name, value)) for name, value in said(seed=seed).items()}
+    asked |= {name: _number(name, value) for name, value in said(margin=margin).items()}
+    asked |= {name: list(value) for name, value in said(inputs=inputs).items()}
+    return asked | {name: part for name, part in (("split", split), ("budget", budget)) if part}
+
+
+def job(job_id: str) -> Call[TrainingJob]:
+    """GET /v1/admin/training-jobs/{id}."""
+    return Call(_path(JOBS, "job_id", job_id), parsing.job, token=True)
+
+
+def jobs(*, state: str | None, model: str | None, limit: int, before: str | None) -> Call[list[TrainingJob]]:
+    """GET /v1/admin/training-jobs: one page, newest first."""
+    query = {"limit": whole("limit", limit), **said(state=state, model=model, before=before)}
+    return Call(JOBS, parsing.jobs, query, token=True)
+
+
+def cancel(job_id: str) -> Call[TrainingJob]:
+    """POST /v1/admin/training-jobs/{id}/cancel."""
+    path = f"{_path(JOBS, 'job_id', job_id)}/cancel"
+    return Call(path, parsing.job, method="POST", statuses=(202,), retried=False, token=True)
+
+
+def events_path(job_id: str) -> str:
+    """Where the events of a job are."""
+    return f"{_path(JOBS, 'job_id', job_id)}/events"
+
+
+def alias(name: str, alias: str) -> Call[Alias]:
+    """GET /v1/models/{name}/aliases/{alias}."""
+    return Call(_alias_path(name, alias), parsing.alias)
+
+
+def alias_history(name: str, alias: str) -> Call[list[Alias]]:
+    """GET /v1/models/{name}/aliases/{alias}/history."""
+    return Call(f"{_alias_path(name, alias)}/history", parsing.aliases)
+
+
+def move_alias(name: str, alias: str, version: int, reason: str, expected: Alias | str | None) -> Call[Alias]:
+    """PUT /v1/models/{name}/aliases/{alias}."""
+    body = {"version": int(whole("version", version)), "reason": reason}
+    path = _alias_path(name, alias)
+    return Call(
+        path, parsing.alias, method="PUT", json=body, headers=_condition(expected), statuses=(200, 201), retried=False,
+        token=True,
+    )  # fmt: skip
+
+
+def rollback_alias(name: str, alias: str, reason: str, expected: Alias | str | None) -> Call[Alias]:
+    """POST /v1/models/{name}/aliases/{alias}/rollback."""
+    path = f"{_alias_path(name, alias)}/rollback"
+    headers = _condition(expected)
+    return Call(path, parsing.alias, method="POST", json={"reason": reason}, headers=headers, retried=False, token=True)
+
+
+def _condition(expected: Alias | str | None) -> dict[str, str]:
+    if expected is None:
+        return {}
+    tag = expected.etag if isinstance(expected, Alias) else expected
+    if not re.fullmatch(r'\*|"[0-9]+"', tag):
+        raise refused("expected", tag, 'an Alias, its etag such as \'"3"\', or "*"')
+    return {"If-Match": tag}
+
+
+def _alias_path(name: str, alias: str) -> str:
+    return f"/v1/models/{checked_name(name)}/aliases/{checked_name(alias, 'alias')}"
+
+
+def _path(collection: str, field: str, reference: str) -> str:
+    # It becomes one part of the address; names of datasets may have dots, and `..` would lead elsewhere.
+    if not isinstance(reference, str) or not reference.strip(".") or len(reference) > 200:
+        raise refused(field, reference, "an id or a name, at most 200 characters")
+    return f"{collection}/{quote(reference, safe='')}"
+
+
+def _number(name: str, value: object) -> float:
+    try:
+        number = float(value)  # type: ignore[arg-type] # what is no number raises, and is named below
+    except (TypeError, ValueError, OverflowError) as fault:
+        raise refused(name, value, "a number") from fault
+    if not math.isfinite(number):
+        raise refused(name, value, "a finite number")
+    return number
+
+
+def _json(name: str, value: Mapping[str, object]) -> str:
+    try:
+        return json.dumps(dict(value), allow_nan=False)
+    except (TypeError, ValueError) as fault:
+        raise refused(name, value, "what JSON can say") from fault

@@ -1,0 +1,191 @@
+"""From the service's JSON documents to the values of `training`. Members that are not known here are ignored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, TypeVar, cast
+
+from rover_twin_client.document import Node
+from rover_twin_client.errors import UnexpectedAnswerError
+from rover_twin_client.training import (
+    ENDED,
+    Alias,
+    Dataset,
+    DatasetInfo,
+    Finding,
+    JobEvent,
+    JobFailure,
+    JobProgress,
+    JobResult,
+    JobState,
+    TrainingJob,
+    Upload,
+    UploadReport,
+)
+
+Value = TypeVar("Value")
+_STATES = ENDED | {"queued", "running"}
+
+
+def upload(answer: Node) -> Upload:
+    """The answer of POST /v1/admin/datasets."""
+    return Upload(
+        id=answer["id"].text(),
+        name=_optional(answer, "name", Node.text),
+        created=answer["created"].flag(),
+        stored=answer["stored"].flag(),
+        dry_run=answer["dry_run"].flag(),
+        report=report(answer["report"]),
+    )
+
+
+def report(node: Node) -> UploadReport:
+    """What an upload was found to hold."""
+    return UploadReport(
+        accepted=_texts(node["accepted"]),
+        rejected=_texts(node["rejected"]),
+        findings=tuple(_finding(item) for item in node["findings"].items()),
+        findings_count=node["findings_count"].whole(),
+        summary=_optional(node, "summary", _members),
+    )
+
+
+def datasets(answer: Node) -> tuple[list[DatasetInfo], bool]:
+    """One page of GET /v1/admin/datasets, and whether there is another."""
+    return [DatasetInfo(**_info(item)) for item in answer["datasets"].items()], answer.get("next") is not None
+
+
+def dataset(answer: Node) -> Dataset:
+    """The answer of GET /v1/admin/datasets/{dataset}."""
+    users = answer["used_by"]
+    return Dataset(
+        **_info(answer),
+        passport=_members(answer["passport"]),
+        source=_members(answer["source"]),
+        versions=_texts(users["versions"]),
+        jobs=_optional(users, "jobs", _texts),
+    )
+
+
+def jobs(answer: Node) -> list[TrainingJob]:
+    """One page of GET /v1/admin/training-jobs."""
+    return [job(item) for item in answer["jobs"].items()]
+
+
+def job(answer: Node) -> TrainingJob:
+    """The answer of GET /v1/admin/training-jobs/{id}."""
+    return TrainingJob(
+        id=answer["id"].text(),
+        state=_state(answer["state"]),
+        request=_members(answer["request"]),
+        actor=answer["actor"].text(),
+        created_at=answer["created_at"].moment(),
+        started_at=_optional(answer, "started_at", Node.moment),
+        finished_at=_optional(answer, "finished_at", Node.moment),
+        attempts=answer["attempts"].whole(),
+        progress=_optional(answer, "progress", _progress),
+        result=_optional(answer, "result", _result),
+        failure=_optional(answer, "failure", _failure),
+    )
+
+
+def event(number: int, kind: str, data: Node) -> JobEvent:
+    """One event of GET /v1/admin/training-jobs/{id}/events."""
+    others = {name: member.value for name, member in data.members() if name != "time"}
+    return JobEvent(number=number, kind=kind, time=data["time"].moment(), data=MappingProxyType(others))
+
+
+def alias(answer: Node) -> Alias:
+    """The answer of /v1/models/{name}/aliases/{alias}."""
+    return Alias(
+        version=answer["version"].whole(),
+        seq=answer["seq"].whole(),
+        time=answer["time"].moment(),
+        actor=answer["actor"].text(),
+        reason=answer["reason"].text(),
+    )
+
+
+def aliases(answer: Node) -> list[Alias]:
+    """The answer of /v1/models/{name}/aliases/{alias}/history, newest first."""
+    return [alias(item) for item in answer["history"].items()]
+
+
+def content(answer: Node) -> bytes:
+    """The body as it came."""
+    body: bytes = answer.value
+    return body
+
+
+def nothing(_answer: Node) -> None:
+    """An answer without a body."""
+
+
+def _info(node: Node) -> dict[str, Any]:
+    return {
+        "id": node["id"].text(),
+        "name": node["name"].text(),
+        "description": node["description"].text(),
+        "created_at": _optional(node, "created_at", Node.moment),
+        "created_by": node["created_by"].text(),
+        "summary": _members(node["summary"]),
+        "unreadable": _optional(node, "unreadable", Node.text),
+    }
+
+
+def _finding(node: Node) -> Finding:
+    return Finding(
+        file=node["file"].text(),
+        row=_optional(node, "row", Node.whole),
+        column=_optional(node, "column", Node.text),
+        code=node["code"].text(),
+        severity=node["severity"].text(),
+        message=node["message"].text(),
+    )
+
+
+def _progress(node: Node) -> JobProgress:
+    return JobProgress(
+        phase=node["phase"].text(),
+        fraction=node["fraction"].number(),
+        epoch=_optional(node, "epoch", Node.whole),
+        epochs=_optional(node, "epochs", Node.whole),
+        train_error_m=_optional(node, "train_error_m", Node.number),
+        held_out_error_m=_optional(node, "held_out_error_m", Node.number),
+        eta_s=_optional(node, "eta_s", Node.number),
+    )
+
+
+def _result(node: Node) -> JobResult:
+    return JobResult(
+        model=node["model"].text(),
+        version=node["version"].whole(),
+        promoted=node["promoted"].flag(),
+        metrics=_members(node["metrics"]),
+        comparison=_optional(node, "comparison", _members),
+        moves=tuple(_members(item) for item in node["moves"].items()),
+    )
+
+
+def _failure(node: Node) -> JobFailure:
+    return JobFailure(type=node["type"].text(), message=node["message"].text(), remedy=node["remedy"].text())
+
+
+def _state(node: Node) -> JobState:
+    if node.text() not in _STATES:
+        raise UnexpectedAnswerError(f"{node.path} is {node.value!r}, expected one of {', '.join(sorted(_STATES))}")
+    return cast("JobState", node.value)
+
+
+def _members(node: Node) -> Mapping[str, Any]:
+    return MappingProxyType({name: member.value for name, member in node.members()})
+
+
+def _texts(node: Node) -> tuple[str, ...]:
+    return tuple(item.text() for item in node.items())
+
+
+def _optional(node: Node, key: str, read: Callable[[Node], Value]) -> Value | None:
+    member = node.get(key)
+    return None if member is None else read(member)
