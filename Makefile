@@ -27,8 +27,8 @@ types: $(VENV)/.dev ## mypy, strict
 	@$(BIN)/mypy
 	@$(BIN)/mypy --strict clients/python/src
 
-bench: $(VENV)/.dev ## how fast, on this machine, one core
-	@$(BIN)/python -m tests.benchmarks.prediction $(ARGS)
+bench: $(VENV)/.dev ## how fast, beside its floors (some minutes); writes docs/performance.md
+	@$(BIN)/python -m tests.benchmarks.serving $(ARGS)
 
 e2e: $(VENV)/.dev ## clone this checkout, follow its README
 	@$(BIN)/pytest -m e2e $(ARGS)

@@ -1,0 +1,67 @@
+"""Floor (c), the arithmetic alone: no server, no bytes. `python -m tests.benchmarks.compute` prints JSON.
+
+The twin's `predict` is NumPy all through for the shipped version. Beside it each encoder alone, so that a request can
+be taken apart: arithmetic, bytes, and the rest, which is HTTP.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+from tests.benchmarks.client import scenarios
+from tests.benchmarks.machine import SERVER_CPU, python, running_on
+
+STEPS_S = {201: 0.05, 2_001: 0.005, 20_001: 0.0005}
+BATCH = 1000
+
+
+def measured(repeats: int) -> dict[str, list[float]]:
+    """Times (ms) by name, from a process of its own on the server's processor."""
+    with running_on(SERVER_CPU):
+        command = python("tests.benchmarks.compute", str(repeats))
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return dict(json.loads(done.stdout))
+
+
+def times_ms(calls: Callable[[int], object], repeats: int) -> list[float]:
+    """How long each of the calls took, after five unmeasured ones; they get their number."""
+    taken = []
+    for number in range(repeats + 5):
+        began = time.perf_counter()
+        calls(number)
+        taken.append((time.perf_counter() - began) * 1e3)
+    return taken[5:]
+
+
+def main() -> None:
+    """Measure and print."""
+    from model_store import ModelStore
+    from service.api.encoders import ENCODERS, Format, Subject
+    from service.settings import load_settings
+    from service.twin import Loaded, Scenario, sample_times
+    from service.twin.load import load_twin
+
+    repeats = int(sys.argv[1])
+    store = ModelStore.open(load_settings().store_url)
+    resolved = store.resolve("viper-lunar")
+    twin = load_twin(store, resolved.name, resolved.version)
+    asked = [Scenario(**scenario, horizon_s=10.0) for scenario in scenarios(BATCH)]
+    found: dict[str, list[float]] = {}
+    for points, dt_s in STEPS_S.items():
+        grid = sample_times(10.0, dt_s)
+        found[f"predict {points}"] = times_ms(lambda n, grid=grid: twin.predict(asked[n % BATCH], grid), repeats)
+        subject = Subject(Loaded(twin, resolved.alias), twin.predict(asked[0], grid), with_prior=False)
+        for form in (Format.JSON, Format.CSV, Format.NPZ, Format.ARROW, Format.USDA):
+            encode = ENCODERS[form].encode
+            found[f"{form} {points}"] = times_ms(lambda _, e=encode, s=subject: e(s), repeats)
+    grid = sample_times(10.0, STEPS_S[201])
+    found["predict_many"] = times_ms(lambda _: twin.predict_many(asked, grid), max(5, repeats // 10))
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()
