@@ -7,7 +7,9 @@ import itertools
 import os
 import shutil
 import signal
+import subprocess
 import tempfile
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import suppress
@@ -18,6 +20,7 @@ import psycopg
 import pytest
 
 _NUMBERS = itertools.count()
+_RECOVERY_S = 90
 
 
 class Postgres:
@@ -46,10 +49,23 @@ class Postgres:
         psutil.wait_procs([postmaster, *sessions], timeout=10)
 
     def start(self) -> None:
-        """Start it again after `kill`; it recovers from its log."""
+        """Start it again after `kill`; it recovers from its log.
+
+        Before that it writes its whole folder to disk, with the databases of all tests, which may take longer than the
+        ten seconds that pgserver waits; the server that it then gives up on goes on starting.
+        """
+        deadline = time.monotonic() + _RECOVERY_S
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            self.server.ensure_postgres_running()
+            while True:
+                try:
+                    self.server.ensure_postgres_running()
+                except (subprocess.TimeoutExpired, AssertionError):  # the latter: there, and not ready yet
+                    if time.monotonic() > deadline:
+                        raise
+                    time.sleep(0.2)
+                else:
+                    return
 
 
 def start_postgres() -> Iterator[Postgres]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+
+from tests.jobs.fair_clock import fair_clock
 
 CHAMPION = "/v1/models/viper-lunar/aliases/champion"
 
@@ -210,10 +211,7 @@ def test_predictions_follow_a_move_within_two_seconds(admin, three):
     move(admin, 1)
     admin.wait_ready()
     moved = move(admin, 2, If_Match='"1"')
-    deadline = time.monotonic() + 2
-
-    while admin.predict().json()["model"]["version"] != 2:
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    with fair_clock() as clock:
+        clock.wait_until(lambda: admin.predict().json()["model"]["version"] == 2, 2)
 
     assert moved.is_success

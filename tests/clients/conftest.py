@@ -113,7 +113,7 @@ MISBEHAVIOURS: dict[str, Callable[[], Response]] = {
 
 
 class Misbehaviour:
-    """Counts the questions of each behaviour; `busy-once` recovers at the second, `slow` takes a second."""
+    """Counts the questions of each behaviour; `busy-once` recovers at the second, `slow` takes four seconds."""
 
     def __init__(self, hits: Counter[str]) -> None:
         self.hits = hits
@@ -127,7 +127,7 @@ class Misbehaviour:
             if kind == "busy-once":
                 return busy(0) if self.hits[kind] == 1 else right(request)
             if kind == "slow":
-                await asyncio.sleep(1.0)
+                await asyncio.sleep(4.0)
                 return right(request)
             return MISBEHAVIOURS[kind]()
 
@@ -175,6 +175,14 @@ def fresh_hits(contract_service: ContractService) -> Counter[str]:
     """Questions seen by each behaviour since this test began."""
     contract_service.hits.clear()
     return contract_service.hits
+
+
+def seen(hits: Counter[str], behaviour: str, questions: int) -> int:
+    """How often it was asked for; a question whose asker gave up may still be on its way."""
+    deadline = time.monotonic() + 10
+    while hits[behaviour] < questions and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return hits[behaviour]
 
 
 @pytest.fixture

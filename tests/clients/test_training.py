@@ -261,7 +261,7 @@ def test_events_of_no_job_and_of_nobody_are_told_at_once(do: Do) -> None:
         do("job_events", "0f0e3b5c-6b43-4d0f-a5a5-3a7d3f0b8a10", after=-1)
     with pytest.raises(ConnectionFailedError):
         do("job_events", "0f0e3b5c-6b43-4d0f-a5a5-3a7d3f0b8a10", url="http://127.0.0.1:9")
-    assert time.monotonic() - began < 10
+    assert time.monotonic() - began < 30  # followed like others, they would be asked for again and again
 
 
 def test_a_job_is_followed_over_a_killed_service(runs: str, service: OperatedService) -> None:
