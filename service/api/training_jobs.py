@@ -163,11 +163,21 @@ async def start_job(
 ) -> JobAnswer:
     """Train a new version of a model on stored datasets. What cannot work is refused now, not by a failing job."""
     asked = await read_json(request, TrainingJobRequest, REQUEST_ALLOWED)
-    checked = await parts.storage.run(lambda: _checked(parts.store, asked))
-    job, _ = await parts.job_calls.run(lambda: queue.submit(checked, actor=actor, key=key))
+    job = await _known(parts, queue, key, asked) or await _queued(parts, queue, asked, actor, key)
     response.headers["Location"] = f"{ADDRESS}/{job.id}"
     response.headers["Retry-After"] = str(_LOOK_AGAIN_S)
     return answer_of(job)
+
+
+async def _known(parts: Parts, queue: JobQueue, key: str | None, asked: TrainingJobRequest) -> TrainingJob | None:
+    """What this request has started before; its datasets may be gone since, so it is not checked again."""
+    return None if key is None else await parts.job_calls.run(lambda: queue.find(key, asked))
+
+
+async def _queued(parts: Parts, queue: JobQueue, asked: TrainingJobRequest, actor: str, key: str | None) -> TrainingJob:
+    checked = await parts.storage.run(lambda: _checked(parts.store, asked))
+    job, _ = await parts.job_calls.run(lambda: queue.submit(checked, actor=actor, key=key, asked=asked))
+    return job
 
 
 def _checked(store: ModelStore, asked: TrainingJobRequest) -> TrainingJobRequest:

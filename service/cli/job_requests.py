@@ -19,8 +19,14 @@ def request_of(given: Mapping[str, Any]) -> TrainingJobRequest:
 def submit(
     store: ModelStore, queue: JobQueue, request: TrainingJobRequest, *, actor: str, key: str | None
 ) -> tuple[TrainingJob, bool]:
-    """Check and queue. The job, and whether it is new; raises what `check_request` and `JobQueue.submit` raise."""
-    return queue.submit(check_request(store, request), actor=actor, key=key)
+    """Check and queue. The job, and whether it is new; raises what `check_request` and `JobQueue.submit` raise.
+
+    What was queued with this key before is not checked again.
+    """
+    known = queue.find(key, request) if key is not None else None
+    if known is not None:
+        return known, False
+    return queue.submit(check_request(store, request), actor=actor, key=key, asked=request)
 
 
 def _without_none(given: Mapping[str, Any]) -> dict[str, Any]:

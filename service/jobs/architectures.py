@@ -122,7 +122,7 @@ def _fit_resistance(
 
     def leave_one_out(series: Sequence[ObservedRun]) -> Mapping[str, Positions]:
         callbacks.announce(f"leaving out one slope at a time of {len(series)} with the same mass and torque")
-        return fit_resistance_process(series, data.rover, data.regolith, prior).left_out
+        return fit_resistance_process(series, data.rover, data.regolith, prior, check=callbacks.check).left_out
 
     slopes = left_out_slopes(runs, leave_one_out)
     outcome = FitOutcome(0, 0, float(np.mean(squares)), False, time.monotonic() - started, "cpu")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 import threading
 import time
@@ -47,21 +49,43 @@ class JobQueue:
         """The queue in `url` (sqlite:///file or postgresql://...), in which `capacity` jobs may wait."""
         return cls(url, capacity)
 
-    def submit(self, request: TrainingJobRequest, *, actor: str, key: str | None = None) -> tuple[TrainingJob, bool]:
+    def find(self, key: str, asked: TrainingJobRequest) -> TrainingJob | None:
+        """The job that this very request, as it was before it was checked, has started with this key; None without.
+
+        To be looked for before the request is checked: its datasets may have been deleted or renamed since.
+        """
+        row = self._database.row(_id_of(key))
+        return self._complete(row) if row is not None and _is_of(row, asked) else None
+
+    def submit(
+        self,
+        request: TrainingJobRequest,
+        *,
+        actor: str,
+        key: str | None = None,
+        asked: TrainingJobRequest | None = None,
+    ) -> tuple[TrainingJob, bool]:
         """Queue a checked request; returns the job and whether it is new. On return it survives any kill.
 
-        The same `key` with the same request gives the job that is there already. `actor` is who asked.
+        The same `key` with the same request gives the job that is there already. `asked` is the request before it was
+        checked, `actor` is who asked.
 
         Raises:
             QueueFullError: `capacity` jobs wait already.
             IdempotencyKeyError: the key belongs to another request.
         """
-        job_id = str(uuid.uuid5(_KEYS, key) if key is not None else uuid.uuid4())
-        attributes = {"model": request.model, "submitted_ms": time.time_ns() // 1_000_000, "hand_backs": 0}
+        job_id = _id_of(key) if key is not None else str(uuid.uuid4())
+        attributes = {
+            "model": request.model,
+            "submitted_ms": time.time_ns() // 1_000_000,
+            "hand_backs": 0,
+            "asked": _digest(asked or request),
+        }
         content = request.model_dump(mode="json")
         new = self._database.enqueue(job_id, content, actor, attributes=attributes, capacity=self._capacity)
-        job = self.get(job_id)
-        if not new and job.request != request:
+        row = self._row(job_id)
+        job = self._complete(row)
+        if not new and job.request != request and not _is_of(row, asked or request):
             raise IdempotencyKeyError(
                 f"the idempotency key belongs to training job {job_id}, which has another request; use a new key"
             )
@@ -188,6 +212,18 @@ class JobQueue:
                     yield row
             if len(rows) < _SCAN:
                 return
+
+
+def _id_of(key: str) -> str:
+    return str(uuid.uuid5(_KEYS, key))
+
+
+def _digest(request: TrainingJobRequest) -> str:
+    return hashlib.sha256(json.dumps(request.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+
+
+def _is_of(row: WorkflowStatus, asked: TrainingJobRequest) -> bool:
+    return (row.attributes or {}).get("asked") == _digest(asked)
 
 
 def _age(row: WorkflowStatus) -> tuple[int, int, str]:

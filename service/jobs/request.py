@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
 
 from model_store import DatasetRecord, ModelStore
 from service.datasets.passport import Passport, parse_passport
 from service.errors import DatasetError, InvalidValueError, TrainingError
+from service.jobs.stored_dataset import RUNS_FILE
 from service.jobs.training_config import ArchitectureName, InputName, PriorName, TrainingConfig, XForm
 from service.learning.fit_config import FitConfig
+
+if TYPE_CHECKING:
+    from service.datasets.run_labels import RunLabel
 
 _DEFAULTS = {name: field.default for name, field in TrainingConfig.model_fields.items()}
 _FIT = FitConfig()
@@ -20,6 +25,8 @@ _PASSPORT_FILE = "passport.json"
 _MAX_PASSPORT_BYTES = 1 << 20
 _FEWEST_RUNS_OF_A_PROCESS = 3
 _SLOPE_TOLERANCE_DEG = 1e-6
+_MOST_BYTES_LOOKED_AT = 256 << 20
+_NAMED = 4
 
 Slope = Annotated[float, Field(ge=-90, le=90)]
 
@@ -94,10 +101,11 @@ class TrainingJobRequest(_Asked):
 
 
 def check_request(store: ModelStore, request: TrainingJobRequest) -> TrainingJobRequest:
-    """The request with whole dataset ids, once nothing is known that would make it fail. Reads no samples.
+    """The request with whole dataset ids, once nothing is known that would make it fail. Decodes no samples.
 
-    Raises InvalidValueError naming the field for a dataset that is not there, comes twice or whose passport does not
-    fit the others, and for a split that leaves too few runs; and what the store raises.
+    Raises InvalidValueError naming the field for a dataset that is not there, comes twice, shares a run with another
+    or whose passport does not fit the others, and for a split that names a slope of no run or leaves too few; and what
+    the store raises.
     """
     records = [store.dataset(reference) for reference in request.datasets]
     ids = [record.id for record in records]
@@ -105,7 +113,12 @@ def check_request(store: ModelStore, request: TrainingJobRequest) -> TrainingJob
     if twice:
         raise InvalidValueError("datasets", twice, "each dataset once")
     _require_agreement(store, records)
-    _require_runs(records, request)
+    runs = _runs_of(store, records, request)
+    if runs is None:
+        _require_likely_runs(records, request)
+    else:
+        _require_distinct(records, runs)
+        _require_split([run.slope_deg for run in runs], request)
     return request.model_copy(update={"datasets": tuple(ids)})
 
 
@@ -125,8 +138,59 @@ def _passport(store: ModelStore, record: DatasetRecord) -> Passport:
     return parse_passport(text, file=_PASSPORT_FILE)
 
 
-def _require_runs(records: Sequence[DatasetRecord], request: TrainingJobRequest) -> None:
-    """What the summaries tell of the split. The worker, which reads the runs, judges again."""
+def _runs_of(
+    store: ModelStore, records: Sequence[DatasetRecord], request: TrainingJobRequest
+) -> Sequence[RunLabel] | None:
+    """All runs, where they are needed to judge the request; None where not, or where that would take long.
+
+    The worker, which reads the runs in any case, judges again.
+    """
+    from service.datasets.run_labels import read_run_labels  # noqa: PLC0415 - brings pyarrow
+
+    entries = [record.files.get(RUNS_FILE) for record in records]
+    total = sum(entry.size_bytes for entry in entries if entry is not None)
+    if (len(records) == 1 and not request.split.test_slopes_deg) or None in entries or total > _MOST_BYTES_LOOKED_AT:
+        return None
+    try:
+        return [label for record in records for label in read_run_labels(store.read_dataset_file(record.id, RUNS_FILE))]
+    except DatasetError:
+        return None
+
+
+def _require_distinct(records: Sequence[DatasetRecord], runs: Sequence[RunLabel]) -> None:
+    shared = [name for name, times in Counter(run.name for run in runs).items() if times > 1]
+    if shared:
+        names = [record.name for record in records]
+        more = f" and {len(shared) - _NAMED} more" if len(shared) > _NAMED else ""
+        allowed = f"datasets that share no run; {', '.join(shared[:_NAMED])}{more} would be there twice"
+        raise InvalidValueError("datasets", names, allowed)
+
+
+def _require_split(slopes: Sequence[float], request: TrainingJobRequest) -> None:
+    """As `service.learning.split` will divide the runs."""
+    asked = request.split.test_slopes_deg
+    for slope in asked:
+        if not any(_same_slope(slope, each) for each in slopes):
+            there = sorted({round(each, 6) for each in slopes}, key=lambda each: abs(each - slope))[:_NAMED]
+            nearest = ", ".join(f"{each:g}" for each in sorted(there))
+            raise InvalidValueError("split.test_slopes_deg", slope, f"slopes of runs; nearest are {nearest}")
+    others = sum(not any(_same_slope(slope, each) for slope in asked) for each in slopes)
+    _require_enough(others - round(request.split.test_fraction * others), len(slopes), request)
+
+
+def _require_enough(left: int, runs: int, request: TrainingJobRequest) -> None:
+    least = _FEWEST_RUNS_OF_A_PROCESS if request.architecture == "resistance_process" else 1
+    if left < least:
+        allowed = f"one that leaves {least} of the {runs} runs to train on"
+        raise InvalidValueError("split", request.split.model_dump(mode="json"), allowed)
+
+
+def _same_slope(one: float, other: float) -> bool:
+    return abs(one - other) <= _SLOPE_TOLERANCE_DEG
+
+
+def _require_likely_runs(records: Sequence[DatasetRecord], request: TrainingJobRequest) -> None:
+    """What the records' summaries tell of the split."""
     counts = [_number(record, "runs") for record in records]
     if any(count is None for count in counts):
         return
@@ -134,14 +198,8 @@ def _require_runs(records: Sequence[DatasetRecord], request: TrainingJobRequest)
     for slope in request.split.test_slopes_deg:
         if not any(_has_slope(record, slope) for record in records):
             raise InvalidValueError("split.test_slopes_deg", slope, "slopes within the range of the datasets' runs")
-    kept = round(request.split.test_fraction * runs)
     only = request.split.test_slopes_deg and all(_all_at(record, request.split.test_slopes_deg) for record in records)
-    least = _FEWEST_RUNS_OF_A_PROCESS if request.architecture == "resistance_process" else 1
-    left = 0 if only else runs - kept
-    if left < least:
-        raise InvalidValueError(
-            "split", request.split.model_dump(mode="json"), f"one that leaves {least} of the {runs} runs to train on"
-        )
+    _require_enough(0 if only else runs - round(request.split.test_fraction * runs), runs, request)
 
 
 def _number(record: DatasetRecord, field: str) -> float | None:

@@ -14,6 +14,7 @@ from service.api.job_answers import REQUEST_ALLOWED, JobAnswer, JobsAnswer
 from service.errors import InvalidValueError
 from service.jobs.request import TrainingJobRequest
 from tests.api.training import ADDRESS, ASKED, HEADERS, admin_client, job_store, submit
+from tests.jobs.fair_clock import fair_clock
 
 SOMEWHERE = "0f0e3b5c-6b43-4d0f-a5a5-3a7d3f0b8a10"
 
@@ -298,8 +299,12 @@ def test_a_database_that_is_down_is_a_503_and_predictions_go_on(tmp_path, questi
     with socket.create_server(("127.0.0.1", 0)) as silent:  # takes connections and says nothing
         port = silent.getsockname()[1]
         url = f"postgresql://somebody:pass-word@127.0.0.1:{port}/jobs"
-        with admin_client(job_store(tmp_path), jobs_database_url=url) as admin, ThreadPoolExecutor(8) as pool:
-            began = time.monotonic()
+        with (
+            admin_client(job_store(tmp_path), jobs_database_url=url) as admin,
+            ThreadPoolExecutor(8) as pool,
+            fair_clock() as clock,
+        ):
+            began = clock()
             asked = [pool.submit(admin.get, ADDRESS) for _ in range(6)]
             asked += [
                 pool.submit(admin.post, ADDRESS, json=ASKED),
@@ -307,11 +312,12 @@ def test_a_database_that_is_down_is_a_503_and_predictions_go_on(tmp_path, questi
             ]
             slowest = 0.0
             while not all(each.done() for each in asked):
-                start = time.monotonic()
+                start = clock()
                 assert admin.get("/v1/predictions", params=question).status_code == 200
-                slowest = max(slowest, time.monotonic() - start)
+                slowest = max(slowest, clock() - start)
                 time.sleep(0.05)
             answers = [each.result() for each in asked]
+            took = clock() - began
 
     for answer in answers:
         assert (answer.status_code, slug_of(answer)) == (503, "jobs-unavailable"), answer.text
@@ -319,7 +325,18 @@ def test_a_database_that_is_down_is_a_503_and_predictions_go_on(tmp_path, questi
         assert "pass-word" not in answer.text
         assert str(port) not in answer.text
     assert slowest < 1.0
-    assert time.monotonic() - began < 8
+    assert took < 8
+
+
+def test_a_retry_finds_its_job_also_when_the_dataset_is_gone_meanwhile(tmp_path):
+    with admin_client(job_store(tmp_path)) as admin:
+        job = submit(admin, key="lost-answer")
+        admin.post(job["links"]["cancel"])
+        (dataset,) = job["request"]["datasets"]
+        assert admin.delete(f"/v1/admin/datasets/{dataset}").status_code == 204
+        assert submit(admin, key="lost-answer")["id"] == job["id"]
+        other = admin.post(ADDRESS, json=ASKED | {"seed": 8}, headers={"Idempotency-Key": "lost-answer"})
+        assert (other.status_code, other.json()["errors"][0]["field"]) == (422, "datasets")
 
 
 def test_what_was_queued_survives_a_restart(tmp_path):
