@@ -221,18 +221,21 @@ def upload_file(
 
 
 @app.command("delete")
-def delete_dataset(dataset: Identity, store: options.Store = None, json: options.Json = False) -> None:
-    """Delete a dataset. Refused (exit code 4) while a model version was trained on it.
+def delete_dataset(
+    dataset: Identity, store: options.Store = None, database: options.Database = None, json: options.Json = False
+) -> None:
+    """Delete a dataset. Refused (exit code 4) while a model version was trained on it or an unfinished job names it.
 
     Example:
       rover-twin datasets delete my-runs --store my-store
     """
+    from service.cli.dataset_deletion import delete_unused
+    from service.settings import load_settings
+
+    settings = load_settings(store_url=store, jobs_database_url=database)
     opened = open_store(store)
     record = opened.dataset(dataset)
-    users = opened.datasets_in_use().get(record.id, [])
-    if users:
-        raise RefusedError(f"dataset {record.name} ({record.id[:12]}) is kept: {', '.join(users)} was trained on it")
-    opened.delete_dataset(record.id)
+    delete_unused(opened, record, settings.jobs_url(), settings.max_queued_jobs)
     if json:
         print_json({"deleted": record.id})
     else:

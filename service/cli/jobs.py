@@ -28,16 +28,6 @@ _FITTING = "How to fit"
 _AFTERWARDS = "What becomes of the version"
 _QUEUE = "Where and how"
 
-Database = Annotated[
-    str | None,
-    typer.Option(
-        "--database",
-        metavar="URL",
-        help="Database of the jobs: sqlite:///file or postgresql://... Default: ROVER_TWIN_JOBS_DATABASE_URL, else a "
-        "file in the store.",
-        show_default=False,
-    ),
-]
 JobId = Annotated[str, typer.Argument(metavar="ID", help="Id of the job, as `jobs start` and `jobs list` print it.")]
 State = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
@@ -137,7 +127,7 @@ def start_job(
     ] = None,
     actor: options.Actor = None,
     store: options.Store = None,
-    database: Database = None,
+    database: options.Database = None,
     json: options.Json = False,
 ) -> None:
     """Queue a training job and print its id. What cannot work is refused before anything is queued.
@@ -189,7 +179,7 @@ def list_jobs(
     model: Annotated[str | None, typer.Option(help="Only jobs for this model.", show_default=False)] = None,
     limit: Annotated[int, typer.Option(min=1, max=1000, help="At most this many; 1 to 1000.")] = 50,
     store: options.Store = None,
-    database: Database = None,
+    database: options.Database = None,
     json: options.Json = False,
 ) -> None:
     """List training jobs, newest first.
@@ -209,7 +199,9 @@ def list_jobs(
 
 
 @app.command("show")
-def show_job(job: JobId, store: options.Store = None, database: Database = None, json: options.Json = False) -> None:
+def show_job(
+    job: JobId, store: options.Store = None, database: options.Database = None, json: options.Json = False
+) -> None:
     """Show one job: what was asked, where it stands, and the version or the failure that came out.
 
     Example:
@@ -220,7 +212,9 @@ def show_job(job: JobId, store: options.Store = None, database: Database = None,
 
 
 @app.command("watch")
-def watch_job(job: JobId, store: options.Store = None, database: Database = None, json: options.Json = False) -> None:
+def watch_job(
+    job: JobId, store: options.Store = None, database: options.Database = None, json: options.Json = False
+) -> None:
     """Follow a job until it ends: progress on stderr, the result on stdout. Ctrl-C leaves the job alone.
 
     Exit code 1 when the job failed, 4 when it was cancelled.
@@ -233,7 +227,9 @@ def watch_job(job: JobId, store: options.Store = None, database: Database = None
 
 
 @app.command("cancel")
-def cancel_job(job: JobId, store: options.Store = None, database: Database = None, json: options.Json = False) -> None:
+def cancel_job(
+    job: JobId, store: options.Store = None, database: options.Database = None, json: options.Json = False
+) -> None:
     """Cancel a job that waits or runs; it stops within seconds and publishes nothing.
 
     Exit code 4 when it has ended already.
@@ -250,7 +246,9 @@ def cancel_job(job: JobId, store: options.Store = None, database: Database = Non
 
 
 @app.command("logs")
-def show_log(job: JobId, store: options.Store = None, database: Database = None, json: options.Json = False) -> None:
+def show_log(
+    job: JobId, store: options.Store = None, database: options.Database = None, json: options.Json = False
+) -> None:
     """Print what a job has said so far.
 
     Example:

@@ -40,6 +40,17 @@ OptionalDatasets = Annotated[
     ),
 ]  # fmt: skip
 
+Database = Annotated[
+    str | None,
+    typer.Option(
+        "--database",
+        metavar="URL",
+        help="Database of the jobs: sqlite:///file or postgresql://... Default: ROVER_TWIN_JOBS_DATABASE_URL, else a "
+        "file in the store.",
+        show_default=False,
+    ),
+]
+
 
 def actor_name(given: str | None) -> str:
     """The name that goes on record: as given, else the login name."""

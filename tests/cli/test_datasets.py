@@ -129,6 +129,7 @@ def test_one_file_is_uploaded_with_its_scenario_and_deleted_again(store, tmp_pat
     assert call("datasets", "delete", uploaded["id"][:8], "--json", "--store", store).json == {
         "deleted": uploaded["id"]
     }
+    assert not (store / "jobs").exists()  # looking for jobs makes no database
     assert call("datasets", "show", uploaded["id"], "--store", store).code == ExitCode.NOT_FOUND
 
 

@@ -242,6 +242,16 @@ def test_a_job_that_fails_is_a_failure_with_its_reason(worked):
     assert failure["remedy"] in answer.out
 
 
+def test_a_dataset_that_an_unfinished_job_names_is_not_deleted(store, tmp_path):
+    folder = write_runs(tmp_path / "runs", slopes=(10.0, 12.0, 14.0))
+    assert call("datasets", "import", folder, "--name", "held", "--store", store).code == ExitCode.DONE
+    job = queued(store, dataset="held")
+    refused = call("datasets", "delete", "held", "--store", store)
+    assert (refused.code, job in refused.error) == (ExitCode.REFUSED, True)
+    assert call("jobs", "cancel", job, "--store", store).code == ExitCode.DONE
+    assert call("datasets", "delete", "held", "--store", store).code == ExitCode.DONE
+
+
 def test_interrupted_watching_leaves_the_job_alone(store):
     job = queued(store)
     process = start("jobs", "watch", job, "--store", store)
