@@ -82,6 +82,30 @@ def show_dataset(dataset: Identity, store: options.Store = None, json: options.J
         print_answer(dataset_facts(record))
 
 
+@app.command("preview")
+def preview_dataset(
+    dataset: Identity,
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Figure to write; its ending says which: .svg or .png.")],
+    store: options.Store = None,
+) -> None:
+    """Draw a dataset: the distance of every run over time, and where the scenarios lie.
+
+    Example:
+      rover-twin datasets preview paper paper.svg
+    """
+    kind = file.suffix.lower().removeprefix(".")
+    if kind not in ("svg", "png"):
+        raise UsageError(f"FILE is {file}, allowed is a name that ends in .svg or .png")
+    from service.datasets import read_parquet
+    from service.jobs.dataset_figure import preview
+    from service.jobs.stored_dataset import RUNS_FILE
+
+    opened = open_store(store)
+    runs = opened.read_dataset_file(opened.dataset(dataset).id, RUNS_FILE)
+    file.write_bytes(preview(read_parquet(runs, columns=()), kind=kind))
+    note(f"wrote {file}")
+
+
 @app.command("validate")
 def validate_folder(folder: Folder, sets: Sets = None, column_map: Columns = None, json: options.Json = False) -> None:
     """Read a folder of Chrono runs and say, file by file, what can be used and why the rest cannot.

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from service.cli import options
-from service.cli.failures import ExitCode
+from service.cli.failures import ExitCode, RefusedError
 from service.cli.output import make_table, note, print_answer, print_json
 from service.cli.store_access import check_names, open_store
 
@@ -22,6 +24,15 @@ app = typer.Typer(
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the model.")]
 Alias = Annotated[str, typer.Argument(metavar="ALIAS", help="Name of the alias, such as champion.")]
+IfAt = Annotated[
+    int | None,
+    typer.Option(
+        metavar="SEQ",
+        min=0,
+        help="Only if this is still its last move (`seq` in `models history`; 0: none yet); else exit code 4.",
+        show_default=False,
+    ),
+]
 
 
 @app.command("list")
@@ -144,6 +155,7 @@ def move_alias(
     alias: Alias,
     version: Annotated[int, typer.Argument(metavar="VERSION", help="Number of a published version.")],
     reason: options.Reason,
+    if_at: IfAt = None,
     actor: options.Actor = None,
     store: options.Store = None,
     json: options.Json = False,
@@ -152,15 +164,20 @@ def move_alias(
 
     The version's files are verified first. The move is kept in the alias's history, with who and why.
 
-    Example:
+    Examples:
       rover-twin models alias my-rover champion 2 --reason "half the error on the test runs"
+
+    Only if nobody has moved it since `models history` showed 3 as its last move:
+      rover-twin models alias my-rover champion 2 --reason "half the error" --if-at 3
     """
     check_names(name, alias)
     opened = open_store(store)
     opened.verify(name, version)
-    _show_record(
-        name, alias, opened.move_alias(name, alias, version, actor=options.actor_name(actor), reason=reason), json
-    )
+    with _unless_overtaken(if_at):
+        moved = opened.move_alias(
+            name, alias, version, actor=options.actor_name(actor), reason=reason, expected_seq=if_at
+        )
+    _show_record(name, alias, moved, json)
 
 
 @app.command("rollback")
@@ -168,6 +185,7 @@ def roll_back(
     name: Name,
     alias: Alias,
     reason: options.Reason,
+    if_at: IfAt = None,
     actor: options.Actor = None,
     store: options.Store = None,
     json: options.Json = False,
@@ -177,7 +195,9 @@ def roll_back(
     Example:
       rover-twin models rollback my-rover champion --reason "slides where the rover climbed"
     """
-    record = open_store(store).rollback(name, alias, actor=options.actor_name(actor), reason=reason)
+    opened = open_store(store)
+    with _unless_overtaken(if_at):
+        record = opened.rollback(name, alias, actor=options.actor_name(actor), reason=reason, expected_seq=if_at)
     _show_record(name, alias, record, json)
 
 
@@ -197,6 +217,19 @@ def show_history(name: Name, alias: Alias, store: options.Store = None, json: op
         time = record.time.isoformat(timespec="seconds")
         table.add_row(str(record.seq), str(record.version), time, record.actor, record.reason)
     print_answer(table)
+
+
+@contextmanager
+def _unless_overtaken(if_at: int | None) -> Iterator[None]:
+    """Whoever says where an alias must be gets a refusal when it is elsewhere."""
+    from model_store import ConflictError
+
+    try:
+        yield
+    except ConflictError as error:
+        if if_at is None:
+            raise
+        raise RefusedError(str(error)) from error
 
 
 def _show_record(name: str, alias: str, record: AliasRecord, json: bool) -> None:

@@ -76,6 +76,8 @@ def test_validate_tells_and_stores_nothing(tmp_path):
         (("show", "absent"), ExitCode.NOT_FOUND, "absent"),
         (("export", "absent", "FOLDER/new"), ExitCode.NOT_FOUND, "absent"),
         (("export", "small", "FOLDER"), ExitCode.USAGE, "exists"),
+        (("preview", "small", "FOLDER/x.pdf"), ExitCode.USAGE, ".svg or .png"),
+        (("preview", "absent", "FOLDER/x.svg"), ExitCode.NOT_FOUND, "absent"),
         (("upload", "FOLDER"), ExitCode.USAGE, "is no file"),
         (("upload", "FOLDER/runs.csv"), ExitCode.REFUSED, "not-a-number"),
         (("upload", "FOLDER/runs.csv", "--name", "x/y"), ExitCode.USAGE, "name"),
@@ -92,6 +94,12 @@ def test_errors(store, tmp_path, words, code, says):
     assert answer.code == code
     assert says in answer.error
     assert answer.out == ""
+
+
+def test_a_figure_is_drawn_as_its_ending_says(store, tmp_path):
+    for ending, magic in (("svg", b"<?xml"), ("png", b"\x89PNG")):
+        assert call("datasets", "preview", "small", tmp_path / f"small.{ending}", "--store", store).code == 0
+        assert (tmp_path / f"small.{ending}").read_bytes().startswith(magic)
 
 
 def packed(folder, target):

@@ -123,6 +123,18 @@ def test_alias_history_and_rollback(store):
     assert nothing_left.code == ExitCode.FAILED
 
 
+def test_a_move_that_says_where_the_alias_must_be_overwrites_nobody(store):
+    move = ("models", "alias", "rover", "champion", "1", "--reason", "again", "--store", store)
+    assert call(*move, "--if-at", "1").code == ExitCode.DONE
+    late = call(*move, "--if-at", "1")
+    assert (late.code, "2" in late.error) == (ExitCode.REFUSED, True)
+    back = call("models", "rollback", "rover", "champion", "--reason", "x", "--if-at", "1", "--store", store)
+    assert back.code == ExitCode.REFUSED
+    assert call("models", "alias", "rover", "new", "1", "--reason", "x", "--if-at", "0", "--store", store).code == 0
+    history = call("models", "history", "rover", "champion", "--json", "--store", store).json["history"]
+    assert [move["seq"] for move in history] == [2, 1]
+
+
 def test_an_alias_does_not_move_to_a_damaged_version(store):
     assert _publish_again(store) == 2
     (store / "models/rover/versions/2/weights.safetensors").write_bytes(b"")
