@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -39,6 +40,7 @@ from service.api import (
 from service.api.admin import AdminGate
 from service.api.body_limit import BodyLimit
 from service.api.execution import Line
+from service.api.express import Application, lanes_of
 from service.api.inference import routes as inference
 from service.api.instruments import Instruments
 from service.api.openapi import document_of
@@ -136,7 +138,7 @@ def openapi_document() -> dict[str, Any]:
 def _assemble(
     lifespan: _Lifespan | None, instruments: Instruments, max_body_bytes: int, max_upload_bytes: int
 ) -> FastAPI:
-    app = FastAPI(
+    app = Application(
         title="Rover Twin",
         version=service.__version__,
         summary="Where will the rover go, how sure are we, should it drive?",
@@ -151,9 +153,11 @@ def _assemble(
         ("POST", datasets.router.prefix): max_upload_bytes,
         ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, max_body_bytes),
     }
+    logged, bounded = partial(RequestLog, instruments=instruments), partial(BodyLimit, limit_bytes=max_body_bytes)
     app.add_middleware(BodyLimit, limit_bytes=max_body_bytes, larger=larger)
     app.add_middleware(AdminGate)
     app.add_middleware(RequestLog, instruments=instruments)  # added last, so outermost
+    app.open_lanes([*lanes_of(predictions.router), *lanes_of(inference.router)], [logged, bounded])
     errors.install(app)
     app.include_router(predictions.router)  # first, for a request is compared with one address after the other
     app.include_router(batch.router)

@@ -131,7 +131,9 @@ def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded) -> BatchSu
     def predict(rows: Index) -> PredictionBatch:
         times = time_s if time_s.ndim == 1 else time_s[rows]
         scenarios = [question.scenarios[row] for row in rows.tolist()]
-        return twin.predict_many(scenarios, times, shared.frame, shared.wanted_band_level)
+        return twin.predict_many(
+            scenarios, times, shared.frame, shared.wanted_band_level, with_prior=shared.wants_prior
+        )
 
     batch, rows, unanswered = predict_finite(predict, np.arange(len(question.scenarios)))
     failures: dict[int, Exception] = dict(question.failures)
@@ -148,7 +150,7 @@ def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded) -> BatchSu
         batch=batch,
         indices=question.indices[rows],
         failures=[_problem(index, failures[index]) for index in sorted(failures)],
-        with_prior=Include.PRIOR in shared.include,
+        with_prior=shared.wants_prior,
         with_band=Include.BAND in shared.include,
     )
 

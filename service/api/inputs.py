@@ -139,11 +139,15 @@ class PredictionInputs(BaseModel):
         """The level of the band that was asked for; None without `include=band`."""
         return self.band_level if Include.BAND in self.include else None
 
+    @property
+    def wants_prior(self) -> bool:
+        """Whether the prior's positions were asked for."""
+        return Include.PRIOR in self.include
+
     def question(self) -> bytes:
         """What decides the answer of a given version, in one way only; the same for questions that mean the same."""
-        fields = self.model_dump(exclude={"model", "format", "include", "band_level"})
-        fields |= {"include": sorted(set(self.include)), "band_level": self.wanted_band_level}
-        return orjson.dumps(fields)
+        scenario = self.slope_deg, self.mass_kg, self.torque_nm, self.horizon_s, self.dt_s, self.times_s
+        return orjson.dumps((scenario, self.frame, self.wants_prior, self.wanted_band_level, self.strict))
 
     @property
     def points(self) -> int:

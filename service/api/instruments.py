@@ -7,6 +7,7 @@ multiprocess mode), and whichever is asked adds them up.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import Self
 
 from prometheus_client import (
@@ -24,7 +25,8 @@ from prometheus_client.multiprocess import MultiProcessCollector
 from prometheus_client.registry import Collector
 from prometheus_client.values import MultiProcessValue
 
-from service.twin import PredictionBatch, Twin
+from service.twin import Twin
+from service.twin.summary import Outcome
 
 PREFIX = "rover_twin_"
 _MOST_VERSIONS = 64  # told apart; later ones are counted together, so that a long life cannot fill the memory
@@ -51,6 +53,8 @@ class Instruments:
             ProcessCollector(registry=own)
             PlatformCollector(registry=own)
         self._versions: dict[tuple[str, int], tuple[str, str]] = {}
+        self._answered: dict[tuple[str, str, int], tuple[Counter, Histogram]] = {}
+        self._computed: dict[tuple[str, str], tuple[Histogram, dict[Outcome, Counter]]] = {}
         self._requests = Counter(
             f"{PREFIX}http_requests", "Answered requests.", ("method", "route", "status"), registry=own
         )
@@ -104,23 +108,33 @@ class Instruments:
         """It was answered; `route` is a template. Status 0: its answer was cut off before it began."""
         method = method if method in _METHODS else _OTHER
         self._running.dec()
-        self._requests.labels(method, route, str(status)).inc()
-        self._seconds.labels(method, route).observe(seconds)
+        # found once: prometheus-client takes longer to find a series than to count in it
+        place = method, route, status
+        series = self._answered.get(place)
+        if series is None:
+            requests, durations = self._requests.labels(method, route, str(status)), self._seconds.labels(method, route)
+            series = self._answered[place] = requests, durations
+        series[0].inc()
+        series[1].observe(seconds)
 
     def loaded(self, twin: Twin) -> None:
         """A version was brought into memory."""
         self._loads.labels(*self._labels(twin)).inc()
 
-    def predicted(self, batch: PredictionBatch, twin: Twin, seconds: float) -> None:
-        """Scenarios were predicted in so many seconds."""
+    def predicted(self, twin: Twin, seconds: float, outcomes: Sequence[Outcome], outside: int) -> None:
+        """Scenarios were predicted in so many seconds, of which so many are outside the domain."""
         labels = self._labels(twin)
-        self._compute.labels(*labels).observe(seconds)
-        outcomes = batch.summaries.outcome
+        compute, by_outcome = self._computed.get(labels) or self._series_of(labels)
+        compute.observe(seconds)
         for outcome in set(outcomes):
-            self._scenarios.labels(*labels, outcome.value).inc(outcomes.count(outcome))
-        outside = len(batch) - int(batch.domain.inside.sum())
+            by_outcome[outcome].inc(outcomes.count(outcome))
         if outside:
             self._outside.labels(*labels).inc(outside)
+
+    def _series_of(self, labels: tuple[str, str]) -> tuple[Histogram, dict[Outcome, Counter]]:
+        by_outcome = {outcome: self._scenarios.labels(*labels, outcome.value) for outcome in Outcome}
+        series = self._computed[labels] = self._compute.labels(*labels), by_outcome
+        return series
 
     def exposition(self, accept: str = "", *others: Collector) -> tuple[str, bytes]:
         """Media type and text of everything counted so far, by all processes, and of what `others` know."""

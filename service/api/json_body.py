@@ -17,6 +17,7 @@ from service.api.input_faults import MAX_FAULTS, InputFault, echo, fault, faults
 
 Model = TypeVar("Model", bound=BaseModel)
 
+_EMPTY = {"type": "missing", "loc": ("body",), "msg": "the body is empty", "input": None}
 _MOST_MEMBERS = 1000  # no object here has nearly as many; to find a fault in each of them would take seconds
 
 
@@ -38,19 +39,52 @@ async def require_json_object(request: Request, allowed: Mapping[str, str]) -> N
     """
     require_json_type(request)
     body = await request.body()
-    if body:  # it is small: the body limit sees to that
-
-        def without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-            if len(pairs) > _MOST_MEMBERS:
-                allowed_members = f"an object with at most {_MOST_MEMBERS} members"
-                raise InvalidInputError(fault("body", f"{len(pairs)} members", allowed_members))
-            require_unique(pairs, allowed)
-            return dict(pairs)
-
+    if body:
         try:
-            json.loads(body, object_pairs_hook=without_repeats)
-        except (RecursionError, ValueError) as error:
+            _parsed(body, allowed)
+        except json.JSONDecodeError as error:
             raise HTTPException(400) from error
+
+
+async def read_object(request: Request, allowed: Mapping[str, str]) -> object:
+    """What a JSON body says; an object unless the client errs.
+
+    Raises what `require_json_object` raises, but RequestValidationError, as FastAPI's own reading does, for an empty
+    body and for what is no JSON.
+    """
+    require_json_type(request)
+    body = await request.body()
+    if not body:
+        raise RequestValidationError([_EMPTY])
+    try:
+        return _parsed(body, allowed)
+    except json.JSONDecodeError as error:
+        place, reason = ("body", error.pos), {"error": error.msg}
+        found = {"type": "json_invalid", "loc": place, "msg": "JSON decode error", "input": {}, "ctx": reason}
+        raise RequestValidationError([found]) from error
+
+
+def _parsed(body: bytes, allowed: Mapping[str, str]) -> object:
+    """JSON without a field that comes twice. It is small: the body limit sees to that.
+
+    Raises JSONDecodeError, InvalidInputError, and HTTPException for what is not even text, or nested too deeply.
+    """
+
+    def without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        if len(pairs) > _MOST_MEMBERS:
+            allowed_members = f"an object with at most {_MOST_MEMBERS} members"
+            raise InvalidInputError(fault("body", f"{len(pairs)} members", allowed_members))
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            require_unique(pairs, allowed)
+        return found
+
+    try:
+        return json.loads(body, object_pairs_hook=without_repeats)
+    except json.JSONDecodeError:
+        raise
+    except (RecursionError, ValueError) as error:
+        raise HTTPException(400) from error
 
 
 async def read_json(request: Request, model: type[Model], allowed: Mapping[str, str]) -> Model:
@@ -61,7 +95,7 @@ async def read_json(request: Request, model: type[Model], allowed: Mapping[str, 
     """
     body = await request.body()
     if not body:
-        raise RequestValidationError([{"type": "missing", "loc": ("body",), "msg": "the body is empty", "input": None}])
+        raise RequestValidationError([_EMPTY])
     await require_json_object(request, allowed)
     try:
         return model.model_validate_json(body, strict=True)

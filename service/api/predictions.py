@@ -4,28 +4,31 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Body, Depends, Query, Request, Response
+from fastapi import APIRouter, Body, Query, Request, Response
 
 from service.api.answers import PredictionAnswer
+from service.api.compression import Coding
 from service.api.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.encoders import ENCODERS, Format, Subject
 from service.api.errors import OutsideDomainError
+from service.api.express import express_route
 from service.api.inputs import (
     ALLOWED,
     FormatQuery,
-    Include,
     PredictionBody,
     PredictionInputs,
     PredictionQuery,
     require_few_points,
 )
-from service.api.json_body import require_json_object, require_unique
+from service.api.json_body import read_object
 from service.api.negotiation import choose_format
 from service.api.openapi import problem_responses
 from service.api.problems import Slug
+from service.api.query import read_query, validated
 from service.api.services import Parts, Services
 from service.twin import Loaded
 
+_COMPRESSED_AT_ONCE = 250  # points: 10 kB of text take gzip a third of a millisecond
 _MAY_REPEAT = frozenset({"include", "times_s"})
 _MEANINGS = {
     Format.NPZ: "NumPy archive: a float64 array for each column, and `metadata`, JSON text.",
@@ -75,42 +78,21 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
 }
 
 
-async def _no_repeated_query(request: Request) -> None:
-    """Two values for one field are a mistake; taking either would be a guess."""
-    require_unique(request.query_params.multi_items(), ALLOWED, _MAY_REPEAT)
+async def _read_get(request: Request) -> dict[str, Any]:
+    return {"asked": read_query(request, PredictionQuery, ALLOWED, _MAY_REPEAT)}
 
 
-async def _json_object_without_repeats(request: Request) -> None:
-    """The body says that it is JSON, and names no field twice."""
-    await require_json_object(request, ALLOWED)
+async def _read_post(request: Request) -> dict[str, Any]:
+    form = read_query(request, FormatQuery, ALLOWED)
+    return {"asked": validated(PredictionBody, await read_object(request, ALLOWED), "body"), "form": form}
 
 
-router = APIRouter(
-    prefix="/v1/predictions", tags=["predictions"], dependencies=[Depends(_no_repeated_query)], responses=_RESPONSES
-)
-
-
-@router.get(
-    "",
-    summary="Predict one scenario",
-    response_class=Response,
-    response_model=None,
-    responses=NOT_MODIFIED | {200: {**_RESPONSES[200], "headers": {**_RESPONSES[200]["headers"], **CACHE_HEADERS}}},
-)
 async def get_prediction(asked: Annotated[PredictionQuery, Query()], request: Request, parts: Parts) -> Response:
     """Where the rover goes on this slope with this mass and torque, and whether the model knows such scenarios."""
     form = choose_format(asked.format, request.headers.get("accept"), Format)
     return await _predict(asked, form, request, parts)
 
 
-@router.post(
-    "",
-    summary="Predict one scenario, asked for in JSON",
-    response_class=Response,
-    response_model=None,
-    dependencies=[Depends(_json_object_without_repeats)],
-    responses=problem_responses(Slug.MALFORMED_BODY, Slug.UNSUPPORTED_MEDIA_TYPE),
-)
 async def post_prediction(
     asked: Annotated[PredictionBody, Body()], form: Annotated[FormatQuery, Query()], request: Request, parts: Parts
 ) -> Response:
@@ -126,15 +108,48 @@ async def _predict(asked: PredictionInputs, form: Format, request: Request, part
         delivery = delivery.cacheable(request, loaded, asked.model, asked.question())
         if nothing_new := delivery.not_modified():
             return nothing_new
+    if loaded.twin.model.quick and asked.points <= _points_at_once(form, delivery):
+        return _computed(asked, form, loaded, delivery)
     return await parts.predictions.run(lambda: _computed(asked, form, loaded, delivery))
 
 
+def _points_at_once(form: Format, delivery: Delivery) -> int:
+    """How many points may be answered on the event loop: handing them to a thread would take longer."""
+    most = ENCODERS[form].points_at_once
+    return most if delivery.coding is Coding.IDENTITY else min(most, _COMPRESSED_AT_ONCE)
+
+
 def _computed(asked: PredictionInputs, form: Format, loaded: Loaded, delivery: Delivery) -> Response:
-    """Runs on a worker thread: everything that takes time, up to the bytes of the answer."""
+    """Everything that takes time, up to the bytes of the answer; on a worker thread if it may take long."""
     scenario, times = asked.sampled()
-    prediction = loaded.twin.predict(scenario, times, asked.frame, asked.wanted_band_level)
+    prediction = loaded.twin.predict(
+        scenario, times, asked.frame, asked.wanted_band_level, with_prior=asked.wants_prior
+    )
     if asked.strict and not prediction.domain.inside:
         raise OutsideDomainError(f"{loaded.twin.name}@{loaded.twin.version}", prediction.domain)
-    subject = Subject(loaded, prediction, with_prior=Include.PRIOR in asked.include)
+    subject = Subject(loaded, prediction)
     encoder = ENCODERS[form]
     return delivery.response(encoder.encode(subject), encoder.headers(subject))
+
+
+router = APIRouter(prefix="/v1/predictions", tags=["predictions"], responses=_RESPONSES)
+router.add_api_route(
+    "",
+    get_prediction,
+    methods=["GET"],
+    summary="Predict one scenario",
+    response_class=Response,
+    response_model=None,
+    responses=NOT_MODIFIED | {200: {**_RESPONSES[200], "headers": {**_RESPONSES[200]["headers"], **CACHE_HEADERS}}},
+    route_class_override=express_route(_read_get),
+)
+router.add_api_route(
+    "",
+    post_prediction,
+    methods=["POST"],
+    summary="Predict one scenario, asked for in JSON",
+    response_class=Response,
+    response_model=None,
+    responses=problem_responses(Slug.MALFORMED_BODY, Slug.UNSUPPORTED_MEDIA_TYPE),
+    route_class_override=express_route(_read_post),
+)

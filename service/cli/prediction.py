@@ -14,7 +14,7 @@ from rich.console import Console
 from model_store import ModelStore
 from service.api.encoders import ENCODERS, Format, Subject
 from service.api.input_faults import faults_of, summary_of
-from service.api.inputs import Include, PredictionInputs, require_few_points
+from service.api.inputs import PredictionInputs, require_few_points
 from service.cli.failures import RefusedError, UsageError
 from service.cli.output import make_table
 from service.cli.threads import use_threads
@@ -67,12 +67,14 @@ def _predict(store: ModelStore, inputs: PredictionInputs) -> Subject:
     use_threads()
     loaded = TwinRegistry(store, settings.default_model).get(inputs.model)
     scenario, times = inputs.sampled()
-    prediction = loaded.twin.predict(scenario, times, inputs.frame, inputs.wanted_band_level)
+    prediction = loaded.twin.predict(
+        scenario, times, inputs.frame, inputs.wanted_band_level, with_prior=inputs.wants_prior
+    )
     if inputs.strict and not prediction.domain.inside:
         reasons = "; ".join(reason.detail for reason in prediction.domain.reasons)
         name = f"{loaded.twin.name}@{loaded.twin.version}"
         raise RefusedError(f"the scenario is outside the domain of {name}: {reasons}")
-    return Subject(loaded, prediction, Include.PRIOR in inputs.include)
+    return Subject(loaded, prediction)
 
 
 def _table(subject: Subject) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -12,8 +12,8 @@ import numpy.typing as npt
 from service.learning.neighbourhood import NearestRun, Neighbourhood
 from service.learning.observed import ObservedRun, scenarios_of
 from service.physics.parameters import RegolithParameters, RoverParameters
-from service.physics.scenario import Array, Scenarios
-from service.physics.similarity import torque_ratio
+from service.physics.scenario import Array
+from service.physics.similarity import torque_ratio, torque_ratio_of
 
 # Judged in this order. torque_ratio is torque/(mass g wheel radius): a mass inside and a torque inside can still be
 # a pair that no run was near (DESIGN section 4).
@@ -89,8 +89,8 @@ class DomainVerdicts:
         if self.nearest is not None and known is not None:
             fits = np.column_stack([fits, self.nearest[1][:, 0] <= known.limit])
         found: list[list[str]] = [[] for _ in range(len(self))]
-        for row, field in np.argwhere(~fits).tolist():
-            found[row].append((*FIELDS, JOINT)[field])
+        for row, at in np.argwhere(~fits).tolist():
+            found[row].append((*FIELDS, JOINT)[at])
         return found
 
     def only(self, rows: npt.NDArray[np.intp]) -> DomainVerdicts:
@@ -99,19 +99,11 @@ class DomainVerdicts:
         return DomainVerdicts(self.domain, self.inside[rows], self.within[rows], self.values[rows], nearest)
 
     def __getitem__(self, row: int) -> DomainVerdict:
-        inside, values, within = bool(self.inside[row]), self.values[row].tolist(), self.within[row].tolist()
-        reasons = tuple(
-            DomainReason(field, value, *self.domain.spans[field])
-            for field, value, fits in zip(FIELDS, values, within, strict=True)
-            if not fits
-        )
+        reasons = self.domain._reasons(self.values[row].tolist())
         known = self.domain.neighbourhood
         if self.nearest is None or known is None:
-            return DomainVerdict(inside, reasons)
-        runs = known.nearest_runs(*(each[row] for each in self.nearest))
-        if runs[0].distance > known.limit:
-            reasons += (DomainReason(JOINT, runs[0].distance, 0.0, known.limit),)
-        return DomainVerdict(inside, reasons, runs[0].distance, runs)
+            return DomainVerdict(not reasons, reasons)
+        return _with_nearest(reasons, known.nearest_runs(*(each[row] for each in self.nearest)), known.limit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,14 +117,19 @@ class Domain:
     rover: RoverParameters
     regolith: RegolithParameters
     neighbourhood: Neighbourhood | None = None
+    _ordered: tuple[tuple[float, float], ...] = field(init=False, repr=False, compare=False)
+    _bounds: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        for field in FIELDS:
-            if field not in self.spans:
-                raise ValueError(f"the domain lacks {field}")
-            lowest, highest = self.spans[field]
+        for name in FIELDS:
+            if name not in self.spans:
+                raise ValueError(f"the domain lacks {name}")
+            lowest, highest = self.spans[name]
             if not (np.isfinite(lowest) and np.isfinite(highest) and lowest <= highest):
-                raise ValueError(f"the domain's {field} is {lowest} to {highest}")
+                raise ValueError(f"the domain's {name} is {lowest} to {highest}")
+        ordered = tuple((float(lowest), float(highest)) for lowest, highest in (self.spans[name] for name in FIELDS))
+        object.__setattr__(self, "_ordered", ordered)
+        object.__setattr__(self, "_bounds", np.array(ordered).T)
 
     @classmethod
     def of_runs(
@@ -158,21 +155,33 @@ class Domain:
         return cls(spans, rover, regolith, Neighbourhood.of_runs(runs, rover, regolith, held_out_errors_m))
 
     def judge(self, slope_deg: float, mass_kg: float, torque_nm: float, horizon_s: float) -> DomainVerdict:
-        """The verdict on one scenario."""
-        columns = (np.array([value], dtype=np.float64) for value in (slope_deg, mass_kg, torque_nm, horizon_s))
-        return self.judge_many(*columns)[0]
+        """The verdict on one scenario: that of `judge_many`, in plain numbers, which for one are faster than arrays."""
+        ratio = torque_ratio_of(self.rover, self.regolith, mass_kg, torque_nm)
+        reasons = self._reasons((slope_deg, mass_kg, torque_nm, ratio, horizon_s))
+        known = self.neighbourhood
+        if known is None:
+            return DomainVerdict(not reasons, reasons)
+        return _with_nearest(reasons, known.nearest_to(known.places_of(slope_deg, mass_kg, torque_nm)), known.limit)
+
+    def _reasons(self, values: Sequence[float]) -> tuple[DomainReason, ...]:
+        """What is outside by itself; `values` are in the order of FIELDS."""
+        return tuple(
+            DomainReason(name, value, *span)
+            for name, value, span in zip(FIELDS, values, self._ordered, strict=True)
+            if not span[0] <= value <= span[1]
+        )
 
     def judge_many(self, slope_deg: Array, mass_kg: Array, torque_nm: Array, horizon_s: Array) -> DomainVerdicts:
         """The verdicts on many, whose columns have shape (scenario,)."""
-        scenarios = Scenarios(np.radians(slope_deg), mass_kg, torque_nm)
-        ratio = torque_ratio(self.rover, self.regolith, scenarios)
-        values = np.column_stack([slope_deg, mass_kg, torque_nm, ratio, horizon_s])
-        lowest, highest = np.array([self.spans[field] for field in FIELDS]).T
+        ratio = torque_ratio_of(self.rover, self.regolith, mass_kg, torque_nm)
+        values = np.array([slope_deg, mass_kg, torque_nm, ratio, horizon_s], dtype=np.float64).T
+        lowest, highest = self._bounds
         within = (lowest <= values) & (values <= highest)
         inside = within.all(axis=1)
         if self.neighbourhood is None:
             return DomainVerdicts(self, inside, within, values, None)
-        order, distances = self.neighbourhood.nearest_many(scenarios)
+        places = self.neighbourhood.places_of(slope_deg, mass_kg, torque_nm)
+        order, distances = self.neighbourhood.nearest_many(places)
         inside &= ~(distances[:, 0] > self.neighbourhood.limit)
         return DomainVerdicts(self, inside, within, values, (order, distances))
 
@@ -187,3 +196,11 @@ class Domain:
         spans = {field: (float(description[field][0]), float(description[field][1])) for field in FIELDS}
         known = Neighbourhood.restore(description, rover, regolith) if "runs" in description else None
         return cls(spans, rover, regolith, known)
+
+
+def _with_nearest(reasons: tuple[DomainReason, ...], runs: tuple[NearestRun, ...], limit: float) -> DomainVerdict:
+    """The verdict by the inputs alone, and by the nearest runs, nearest first."""
+    distance = runs[0].distance
+    if distance > limit:
+        reasons += (DomainReason(JOINT, distance, 0.0, limit),)
+    return DomainVerdict(not reasons, reasons, distance, runs)

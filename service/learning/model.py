@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -27,6 +28,8 @@ class PhysicsInformedModel:
     signature: InputSignature
     residual: Residual
 
+    quick: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         if self.residual.input_count != len(self.signature.inputs):
             raise ValueError(
@@ -38,10 +41,6 @@ class PhysicsInformedModel:
     def positions(self, scenarios: Scenarios, time_s: Array) -> Positions:
         """Corrected positions (m), shape (scenario, time), at `time_s` of shape (time,) or (scenario, time)."""
         prior = self.prior.positions(scenarios, time_s)
-        return self.corrected(prior, scenarios, time_s)
-
-    def corrected(self, prior: Positions, scenarios: Scenarios, time_s: Array) -> Positions:
-        """The same for callers who have the prior's positions at those scenarios and times already."""
         correction = self.corrections(scenarios, time_s)
         return Positions(prior.x_m + correction.x_m, prior.y_m + correction.y_m)
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from service.learning.observed import ObservedRun
 from service.physics.parameters import RegolithParameters, RoverParameters
 from service.physics.scenario import Array, Scenarios
-from service.physics.similarity import torque_ratio
+from service.physics.similarity import Numbers, torque_ratio, torque_ratio_of
 
 # Slope counts as it is, the others by their logarithm: 10 % more mass is as much at 300 kg as at 900 kg.
 COORDINATES = ("slope_deg", "log_torque_ratio", "log_mass_kg")
@@ -60,6 +60,8 @@ class Neighbourhood:
     rover: RoverParameters
     regolith: RegolithParameters
     places: Array = field(init=False)
+    _values: tuple[dict[str, Any], ...] = field(init=False, repr=False)
+    _scale: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.runs) <= _MAX_RUNS:
@@ -71,6 +73,9 @@ class Neighbourhood:
         errors = [run.held_out_final_error_m for run in self.runs if run.held_out_final_error_m is not None]
         if not all(np.isfinite(error) and error >= 0 for error in errors):
             raise ValueError("the domain's runs have a held_out_final_error_m that is no distance")
+        names = [each.name for each in fields(TrainingRun)]
+        object.__setattr__(self, "_values", tuple({name: getattr(run, name) for name in names} for run in self.runs))
+        object.__setattr__(self, "_scale", np.array(self.scales))
         object.__setattr__(self, "places", self.coordinates(_scenarios(self.runs)))
 
     @classmethod
@@ -89,7 +94,9 @@ class Neighbourhood:
         points = tuple(
             TrainingRun(run.name, run.slope_deg, run.mass_kg, run.torque_nm, errors.get(run.name)) for run in runs
         )
-        spread = _raw(rover, regolith, _scenarios(points)).std(axis=0)
+        every = _scenarios(points)
+        ratio = torque_ratio(rover, regolith, every)
+        spread = _raw(np.degrees(every.slope_angle_rad), ratio, every.mass_kg).std(axis=0)
         scales = tuple(float(scale) for scale in np.maximum(spread, _SMALLEST_SCALE))
         whole = cls(points, scales, 0.0, rover, regolith)
         gaps = nearest_other(whole.places)
@@ -98,7 +105,12 @@ class Neighbourhood:
 
     def coordinates(self, scenarios: Scenarios) -> Array:
         """Scaled coordinates of scenarios, shape (scenario, 3): their Euclidean distance is the joint distance."""
-        return np.asarray(_raw(self.rover, self.regolith, scenarios) / np.array(self.scales), dtype=np.float64)
+        return self.places_of(np.degrees(scenarios.slope_angle_rad), scenarios.mass_kg, scenarios.torque_nm)
+
+    def places_of(self, slope_deg: Numbers, mass_kg: Numbers, torque_nm: Numbers) -> Array:
+        """The same by the inputs: shape (scenario, 3), of single numbers (3,)."""
+        ratio = torque_ratio_of(self.rover, self.regolith, mass_kg, torque_nm)
+        return _raw(slope_deg, ratio, mass_kg) / self._scale
 
     def distances(self, scenarios: Scenarios) -> Array:
         """Distance of each scenario to each run, shape (scenario, run)."""
@@ -106,32 +118,36 @@ class Neighbourhood:
 
     def nearest(self, scenario: Scenarios, count: int = NEAREST) -> tuple[NearestRun, ...]:
         """The runs nearest to one scenario, nearest first."""
-        return self.nearest_runs(*(each[0] for each in self.nearest_many(scenario, count)))
+        return self.nearest_runs(*(each[0] for each in self.nearest_many(self.coordinates(scenario), count)))
 
-    def nearest_many(self, scenarios: Scenarios, count: int = NEAREST) -> tuple[npt.NDArray[np.intp], Array]:
-        """Which runs are nearest to each scenario, and their distances: both (scenario, up to `count`), nearest first.
+    def nearest_to(self, place: Array) -> tuple[NearestRun, ...]:
+        """The runs nearest to one place of shape (3,), nearest first."""
+        gaps = self.places - place
+        squares = np.einsum("ij,ij->i", gaps, gaps)
+        order = squares.argsort(kind="stable")[:NEAREST]
+        return self.nearest_runs(order, np.sqrt(squares[order]))
 
-        The distances of a chunk of scenarios to all runs are in memory at once.
+    def nearest_many(self, places: Array, count: int = NEAREST) -> tuple[npt.NDArray[np.intp], Array]:
+        """Which runs are nearest to each place (scenario, 3), and their distances: both (scenario, up to `count`).
+
+        Nearest first. The distances of a chunk of places to all runs are in memory at once.
         """
-        places = self.coordinates(scenarios)
         kept = min(count, len(self.runs))
         order, found = np.empty((len(places), kept), dtype=np.intp), np.empty((len(places), kept))
         for rows in chunks(len(places), len(self.runs)):
-            distances = np.zeros((len(places[rows]), len(self.runs)))
-            for mine, theirs in zip(places[rows].T, self.places.T, strict=True):
-                distances += np.square(mine[:, None] - theirs)
-            np.sqrt(distances, out=distances)
-            every = np.arange(len(distances))
+            gaps = places[rows, None] - self.places
+            squares = np.einsum("ijk,ijk->ij", gaps, gaps)
+            every = np.arange(len(squares))
             for at in range(kept):  # the first of equals each time: as a stable sort would have it
-                order[rows, at] = nearest = distances.argmin(axis=1)
-                found[rows, at] = distances[every, nearest]
-                distances[every, nearest] = np.inf
-        return order, found
+                order[rows, at] = nearest = squares.argmin(axis=1)
+                found[rows, at] = squares[every, nearest]
+                squares[every, nearest] = np.inf
+        return order, np.sqrt(found, out=found)
 
     def nearest_runs(self, order: npt.NDArray[np.intp], distances: Array) -> tuple[NearestRun, ...]:
-        """One scenario's row of `nearest_many` as runs."""
+        """One place's row of `nearest_many` as runs."""
         return tuple(
-            NearestRun(**_values(self.runs[at]), distance=distance)
+            NearestRun(**self._values[at], distance=distance)
             for at, distance in zip(order.tolist(), distances.tolist(), strict=True)
         )
 
@@ -166,14 +182,9 @@ def nearest_other(places: Array) -> Array:
     return np.asarray(distances.min(axis=1), dtype=np.float64)
 
 
-def _values(run: TrainingRun) -> dict[str, Any]:
-    """The run's fields, as `asdict` gives them, which copies deeply and takes ten times as long."""
-    return {each.name: getattr(run, each.name) for each in fields(TrainingRun)}
-
-
-def _raw(rover: RoverParameters, regolith: RegolithParameters, scenarios: Scenarios) -> Array:
-    ratio = np.maximum(torque_ratio(rover, regolith, scenarios), _SMALLEST_TORQUE_RATIO)
-    return np.column_stack([np.degrees(scenarios.slope_angle_rad), np.log(ratio), np.log(scenarios.mass_kg)])
+def _raw(slope_deg: Numbers, ratio: Numbers, mass_kg: Numbers) -> Array:
+    """Unscaled coordinates, the last axis."""
+    return np.array([slope_deg, np.log(np.maximum(ratio, _SMALLEST_TORQUE_RATIO)), np.log(mass_kg)]).T
 
 
 def _scenarios(runs: Sequence[TrainingRun]) -> Scenarios:

@@ -16,14 +16,15 @@ class TrajectoryModel(Protocol):
         """The physics that the model starts from; it holds rover and regolith."""
         ...
 
+    @property
+    def quick(self) -> bool:
+        """Whether a scenario takes well under a millisecond, at 20,000 times too."""
+        ...
+
     def positions(self, scenarios: Scenarios, time_s: Array) -> Positions:
         """Positions (m), shape (scenario, time), at `time_s` of shape (time,) or (scenario, time).
 
         One array operation over many scenarios, or almost: what a scenario gets depends on the others by rounding only
         (of float32 where a network answers), and besides the answer memory is bounded however many there are.
         """
-        ...
-
-    def corrected(self, prior: Positions, scenarios: Scenarios, time_s: Array) -> Positions:
-        """The same for callers who have the prior's positions at those scenarios and times already."""
         ...

@@ -15,12 +15,13 @@ import numpy as np
 from service.physics.parameters import RegolithParameters, RoverParameters
 from service.physics.scenario import Array, Scenarios
 
+# N m of all wheels together: less is as good as none, and can be divided by
+_LEAST_DRIVE_NM = 1e-9
 
-def _load_ratio(rover: RoverParameters, regolith: RegolithParameters, scenarios: Scenarios) -> Array:
-    """m g R_w / (n_w tau), infinite without torque; shape (scenario,)."""
-    with np.errstate(divide="ignore", over="ignore"):
-        weight = scenarios.mass_kg * regolith.gravity_m_s2 * rover.wheel_radius_m
-        return np.asarray(weight / (rover.wheels * scenarios.torque_nm), dtype=np.float64)
+
+def _weight_nm(rover: RoverParameters, regolith: RegolithParameters, scenarios: Scenarios) -> Array:
+    """m g R_w, shape (scenario,)."""
+    return scenarios.mass_kg * (regolith.gravity_m_s2 * rover.wheel_radius_m)
 
 
 def wheel_speed_rad_s(
@@ -29,9 +30,9 @@ def wheel_speed_rad_s(
     """w above, rad/s; shape (scenario,). Zero where the motors cannot hold the load."""
     angle = scenarios.slope_angle_rad
     load = np.sin(angle) + resistance * np.cos(angle)
-    with np.errstate(invalid="ignore"):
-        share = _load_ratio(rover, regolith, scenarios) * load
-    return np.asarray(rover.no_load_speed_rad_s * np.clip(1.0 - np.nan_to_num(share, nan=1.0), 0.0, 1.0))
+    drive = rover.wheels * scenarios.torque_nm
+    left = (drive - _weight_nm(rover, regolith, scenarios) * load) / np.maximum(drive, _LEAST_DRIVE_NM)
+    return np.asarray(rover.no_load_speed_rad_s * np.minimum(np.maximum(left, 0.0), 1.0))
 
 
 def motion_resistance_at(
@@ -39,7 +40,8 @@ def motion_resistance_at(
 ) -> float:
     """The c for which a single scenario's wheels turn at `speed_rad_s`: inverse of `wheel_speed_rad_s`."""
     angle = float(scenario.slope_angle_rad[0])
-    load = (1.0 - speed_rad_s / rover.no_load_speed_rad_s) / float(_load_ratio(rover, regolith, scenario)[0])
+    drive = rover.wheels * float(scenario.torque_nm[0])
+    load = (1.0 - speed_rad_s / rover.no_load_speed_rad_s) * drive / float(_weight_nm(rover, regolith, scenario)[0])
     return float((load - np.sin(angle)) / np.cos(angle))
 
 

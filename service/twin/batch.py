@@ -19,8 +19,8 @@ Index = npt.NDArray[np.intp]
 
 def as_physics(scenarios: Sequence[Scenario]) -> Scenarios:
     """Scenarios in SI units and radians."""
-    slopes, masses, torques = np.array([(s.slope_deg, s.mass_kg, s.torque_nm) for s in scenarios], dtype=np.float64).T
-    return Scenarios(np.radians(slopes), masses, torques)
+    columns = np.array([(s.slope_deg, s.mass_kg, s.torque_nm) for s in scenarios], dtype=np.float64).T
+    return Scenarios(np.radians(columns[0]), columns[1].copy(), columns[2].copy())
 
 
 def sample_grid(horizons_s: Sequence[float], dt_s: float) -> Array:
@@ -49,7 +49,7 @@ class PredictionBatch:
     (scenario, time) here, those of `band` too.
 
     `time_s` has shape (time,) where all scenarios share it, otherwise (scenario, time). Of a row only the first
-    `counts[row]` samples are its own; the rest repeats the last one.
+    `counts[row]` samples are its own; the rest repeats the last one. Prior and band are None unless asked for.
     """
 
     scenarios: tuple[Scenario, ...]
@@ -58,7 +58,7 @@ class PredictionBatch:
     counts: Index
     positions: Mapping[str, Array]
     prior_name: str
-    prior: Mapping[str, Array]
+    prior: Mapping[str, Array] | None
     domain: DomainVerdicts
     summaries: Summaries
     band: PredictionBand | None = None
@@ -79,7 +79,7 @@ class PredictionBatch:
             counts=self.counts[rows],
             positions={name: column[rows] for name, column in self.positions.items()},
             prior_name=self.prior_name,
-            prior={name: column[rows] for name, column in self.prior.items()},
+            prior=None if self.prior is None else {name: column[rows] for name, column in self.prior.items()},
             domain=self.domain.only(rows),
             summaries=Summaries(
                 outcome=tuple(summaries.outcome[row] for row in kept),
@@ -105,7 +105,7 @@ class PredictionBatch:
             frame=self.frame,
             trajectory={"time_s": time, **_first(self.positions, row, count)},
             prior_name=self.prior_name,
-            prior=_first(self.prior, row, count),
+            prior=None if self.prior is None else _first(self.prior, row, count),
             domain=self.domain[row],
             summary=self.summaries[row],
             band=None if self.band is None or bounds is None else PredictionBand(self.band.level, **bounds),

@@ -44,7 +44,7 @@ class PredictionBand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """One trajectory with its prior alone, band on request, domain verdict and summary.
+    """One trajectory, domain verdict and summary; on request the prior alone and a band.
 
     `trajectory` maps time_s, x_m and y_m (world frame: z_m) to arrays of shape (time,), s and m; `prior` maps the two
     positions of the prior alone likewise. `summary` is in the slope frame whatever `frame` is. All finite.
@@ -52,9 +52,9 @@ class Prediction:
 
     scenario: Scenario
     frame: Frame
-    trajectory: Mapping[str, Array]
+    trajectory: dict[str, Array]
     prior_name: str
-    prior: Mapping[str, Array]
+    prior: Mapping[str, Array] | None
     domain: DomainVerdict
     summary: Summary
     band: PredictionBand | None = None

@@ -21,7 +21,15 @@ from service.twin.prediction import Frame, NonFiniteError, Prediction, Predictio
 from service.twin.scenario import Scenario
 from service.twin.summary import LAST_PART, Summaries, outcomes_of
 
-_DOMAIN_INPUTS = ("slope_deg", "mass_kg", "torque_nm")
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Core:
+    """What one or many predictions are made of; members as those of `PredictionBatch`."""
+
+    positions: Mapping[str, Array]
+    prior: Mapping[str, Array] | None
+    summaries: Summaries
+    band: PredictionBand | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,17 +57,35 @@ class Twin:
         return self.manifest.version
 
     def predict(
-        self, scenario: Scenario, time_s: Array, frame: Frame = Frame.SLOPE, band_level: float | None = None
+        self,
+        scenario: Scenario,
+        time_s: Array,
+        frame: Frame = Frame.SLOPE,
+        band_level: float | None = None,
+        *,
+        with_prior: bool = False,
     ) -> Prediction:
         """The trajectory at `time_s`, of shape (time,), rising, which ends at the scenario's horizon.
 
         With a `band_level` it has a band: an interval for x and one for y. Turned into the world frame it would be
-        neither, so it is offered in the slope frame only.
+        neither, so it is offered in the slope frame only. `with_prior` adds the prior's positions.
 
         Raises InvalidValueError for a band in the world frame, of a version without one or at a level that is not
         0.5 to 0.99, and NonFiniteError instead of answering with NaN or infinity.
         """
-        return self.predict_many((scenario,), time_s, frame, band_level)[0]
+        physics, horizons = scenario.as_physics(), np.array([scenario.horizon_s])
+        _own_samples(time_s, horizons)
+        core = self._predicted((scenario,), physics, horizons, time_s, frame, band_level, with_prior)
+        return Prediction(
+            scenario=scenario,
+            frame=frame,
+            trajectory={"time_s": time_s, **_first_row(core.positions)},
+            prior_name=self.model.prior.name,
+            prior=None if core.prior is None else _first_row(core.prior),
+            domain=self.domain.judge(scenario.slope_deg, scenario.mass_kg, scenario.torque_nm, scenario.horizon_s),
+            summary=core.summaries[0],
+            band=None if core.band is None else PredictionBand(core.band.level, **_first_row(core.band.columns())),
+        )
 
     def predict_many(
         self,
@@ -67,6 +93,8 @@ class Twin:
         time_s: Array,
         frame: Frame = Frame.SLOPE,
         band_level: float | None = None,
+        *,
+        with_prior: bool = False,
     ) -> PredictionBatch:
         """`predict` for many scenarios at once: the same answers, but for rounding, much faster than one by one.
 
@@ -74,38 +102,54 @@ class Twin:
         horizon, and shorter ones repeat it. Raises what `predict` does, for the first scenario without a finite
         answer, and ValueError for times that do not fit the scenarios or for no scenarios.
         """
-        if band_level is not None and frame is not Frame.SLOPE:
-            raise InvalidValueError("frame", frame.value, "slope where a band is asked for: it bounds x and y there")
         horizons = np.array([scenario.horizon_s for scenario in scenarios], dtype=np.float64)
         counts = _own_samples(time_s, horizons)
         physics = as_physics(scenarios)
-        extra = [(1.0 - LAST_PART) * horizons]  # the outcome must not depend on the sampling that was asked for
-        if starts_later := bool((time_s[..., 0] != 0.0).any()):
-            extra.insert(0, np.zeros(len(horizons)))  # nor must the way until the first sample be forgotten
-        if band_level is not None:
-            extra.append(np.full(len(horizons), self._known_band().reach_time_s))
-        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-            times = _with_times(time_s, extra)
-            prior = self.model.prior.positions(physics, times)
-            found = self.model.corrected(prior, physics, times)
-            prior, corrected = _without_last(prior, len(extra)), _without_last(found, len(extra))
-            x_beyond = found.x_m[:, -len(extra) :]
-            whole = _with_start(corrected, _last(found, len(extra))) if starts_later else corrected
-            summaries = self._summarise(physics, horizons, whole, late_x_m=x_beyond[:, int(starts_later)])
-            band = None
-            if band_level is not None:
-                band = self._band_around(corrected, physics, time_s, band_level, reach_m=x_beyond[:, -1])
-        self._require_finite(scenarios, prior, corrected, summaries, band)
-        slopes, masses, torques = (np.array([getattr(s, name) for s in scenarios]) for name in _DOMAIN_INPUTS)
+        core = self._predicted(scenarios, physics, horizons, time_s, frame, band_level, with_prior)
+        slopes = np.array([scenario.slope_deg for scenario in scenarios])
         return PredictionBatch(
             scenarios=tuple(scenarios),
             frame=frame,
             time_s=time_s,
             counts=counts,
-            positions=_in_frame(corrected, physics, frame),
+            positions=core.positions,
             prior_name=self.model.prior.name,
-            prior=_in_frame(prior, physics, frame),
-            domain=self.domain.judge_many(slopes, masses, torques, horizons),
+            prior=core.prior,
+            domain=self.domain.judge_many(slopes, physics.mass_kg, physics.torque_nm, horizons),
+            summaries=core.summaries,
+            band=core.band,
+        )
+
+    def _predicted(
+        self,
+        scenarios: Sequence[Scenario],
+        physics: Scenarios,
+        horizons_s: Array,
+        time_s: Array,
+        frame: Frame,
+        band_level: float | None,
+        with_prior: bool,
+    ) -> _Core:
+        if band_level is not None and frame is not Frame.SLOPE:
+            raise InvalidValueError("frame", frame.value, "slope where a band is asked for: it bounds x and y there")
+        extra = [(1.0 - LAST_PART) * horizons_s]  # the outcome must not depend on the sampling that was asked for
+        if starts_later := bool(time_s[..., 0].any()):
+            extra.insert(0, np.zeros(len(horizons_s)))  # nor must the way until the first sample be forgotten
+        if band_level is not None:
+            extra.append(np.full(len(horizons_s), self._known_band().reach_time_s))
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
+            found = self.model.positions(physics, _with_times(time_s, extra))
+            corrected, x_beyond = _without_last(found, len(extra)), found.x_m[:, -len(extra) :]
+            prior = self.model.prior.positions(physics, time_s) if with_prior else None
+            whole = _with_start(corrected, _last(found, len(extra))) if starts_later else corrected
+            summaries = self._summarise(physics, horizons_s, whole, late_x_m=x_beyond[:, int(starts_later)])
+            band = None
+            if band_level is not None:
+                band = self._band_around(corrected, physics, time_s, band_level, reach_m=x_beyond[:, -1])
+        self._require_finite(scenarios, prior, corrected, summaries, band)
+        return _Core(
+            positions=_in_frame(corrected, physics, frame),
+            prior=None if prior is None else _in_frame(prior, physics, frame),
             summaries=summaries,
             band=band,
         )
@@ -149,7 +193,7 @@ class Twin:
             outcome=outcomes_of((x[:, -1] - late_x_m) / (LAST_PART * horizons_s)),
             final_x_m=x[:, -1],
             final_y_m=y[:, -1],
-            distance_m=np.hypot(np.diff(x), np.diff(y)).sum(axis=1),
+            distance_m=np.hypot(x[:, 1:] - x[:, :-1], y[:, 1:] - y[:, :-1]).sum(axis=1),
             mean_speed_m_s=mean_speed,
             slip_ratio=self.slip_ratios(physics, mean_speed),
         )
@@ -157,16 +201,17 @@ class Twin:
     def _require_finite(
         self,
         scenarios: Sequence[Scenario],
-        prior: Positions,
+        prior: Positions | None,
         corrected: Positions,
         summaries: Summaries,
         band: PredictionBand | None,
     ) -> None:
-        totals = np.column_stack([summaries.distance_m, summaries.mean_speed_m_s])
-        bounds = () if band is None else band.columns().values()
-        numbers = (corrected.x_m, corrected.y_m, prior.x_m, prior.y_m, totals, *bounds)
-        finite = np.logical_and.reduce([np.isfinite(each).all(axis=1) for each in numbers])
-        if not finite.all():
+        numbers = [corrected.x_m, corrected.y_m, *(() if band is None else band.columns().values())]
+        numbers += [] if prior is None else [prior.x_m, prior.y_m]
+        # the totals overflow where positions nearly do
+        numbers += [summaries.distance_m[:, None], summaries.mean_speed_m_s[:, None]]
+        if not all(np.isfinite(each).all() for each in numbers):
+            finite = np.logical_and.reduce([np.isfinite(each).all(axis=1) for each in numbers])
             raise NonFiniteError(
                 f"{self.name}@{self.version} has no finite answer for {scenarios[int(finite.argmin())]}"
             )
@@ -177,7 +222,11 @@ def _own_samples(time_s: Array, horizons_s: Array) -> npt.NDArray[np.intp]:
     rows = len(horizons_s)
     if rows == 0 or time_s.ndim not in (1, 2) or (time_s.ndim == 2 and len(time_s) != rows) or not time_s.size:
         raise ValueError(f"times of shape {time_s.shape} do not fit {rows} scenarios")
-    if (time_s[..., -1] != horizons_s).any():
+    if rows == 1 and time_s.ndim == 1:
+        wrong = time_s[-1] != horizons_s[0]
+    else:
+        wrong = bool(np.any(time_s[..., -1] != horizons_s))
+    if wrong:
         raise ValueError("times must end at their scenario's horizon")
     if time_s.ndim == 1:
         return np.full(rows, len(time_s), dtype=np.intp)
@@ -186,8 +235,8 @@ def _own_samples(time_s: Array, horizons_s: Array) -> npt.NDArray[np.intp]:
 
 def _with_times(time_s: Array, extra: Sequence[Array]) -> Array:
     """Times with more at the end, (scenario,) each: still (time,) where these are the same for all scenarios."""
-    if time_s.ndim == 1 and all((each == each[0]).all() for each in extra):
-        return np.append(time_s, [each[0] for each in extra])
+    if time_s.ndim == 1 and all(len(each) == 1 or (each == each[0]).all() for each in extra):
+        return np.concatenate([time_s, *(each[:1] for each in extra)])
     rows = np.broadcast_to(time_s, (len(extra[0]), time_s.shape[-1]))
     return np.column_stack([rows, *extra])
 
@@ -204,6 +253,10 @@ def _with_start(positions: Positions, start: Positions) -> Positions:
     """Positions after the first one of `start`."""
     x = np.column_stack([start.x_m[:, :1], positions.x_m])
     return Positions(x, np.column_stack([start.y_m[:, :1], positions.y_m]))
+
+
+def _first_row(columns: Mapping[str, Array]) -> dict[str, Array]:
+    return {name: column[0] for name, column in columns.items()}
 
 
 def _in_frame(positions: Positions, physics: Scenarios, frame: Frame) -> Mapping[str, Array]:

@@ -29,8 +29,9 @@ def loaded(tmp_path_factory):
 
 
 def subject_of(loaded, dt_s=0.5, frame=Frame.SLOPE, band_level=None):
-    prediction = loaded.twin.predict(SCENARIO, sample_times(SCENARIO.horizon_s, dt_s), frame, band_level)
-    return Subject(loaded, prediction, with_prior=True)
+    times = sample_times(SCENARIO.horizon_s, dt_s)
+    prediction = loaded.twin.predict(SCENARIO, times, frame, band_level, with_prior=True)
+    return Subject(loaded, prediction)
 
 
 @pytest.mark.parametrize("form", Format)

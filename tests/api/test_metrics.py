@@ -7,7 +7,6 @@ from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from prometheus_client.openmetrics.parser import text_string_to_metric_families as openmetrics_families
 from prometheus_client.parser import text_string_to_metric_families
@@ -130,26 +129,14 @@ def test_without_jobs_none_are_shown(service):
 @pytest.mark.parametrize("versions", [1, 64, 500])
 def test_any_number_of_versions_takes_a_bounded_number_of_series(versions):
     instruments = Instruments()
-    batch = SimpleNamespace(
-        summaries=SimpleNamespace(outcome=(Outcome.CLIMBS, Outcome.STALLS, Outcome.CLIMBS)),
-        domain=SimpleNamespace(inside=np.array([True, False, False])),
-        __len__=lambda: 3,
-    )
+    outcomes = (Outcome.CLIMBS, Outcome.STALLS, Outcome.CLIMBS)
     for version in range(1, versions + 1):
-        instruments.predicted(_Sized(batch), SimpleNamespace(name="unit", version=version), 0.01)
+        instruments.predicted(SimpleNamespace(name="unit", version=version), 0.01, outcomes, 2)
     shown = Numbers(samples(instruments.exposition()[1].decode()))
 
     assert shown.of("predictions_total") == 3 * versions
     assert shown.of("predictions_outside_domain_total") == 2 * versions
     assert sum(name == "rover_twin_predictions_outside_domain_total" for name, _ in shown) == min(versions, 65)
-
-
-class _Sized:
-    def __init__(self, batch: SimpleNamespace) -> None:
-        self.summaries, self.domain = batch.summaries, batch.domain
-
-    def __len__(self) -> int:
-        return len(self.summaries.outcome)
 
 
 def test_the_page_names_every_metric_and_no_other(service_with_token):

@@ -54,7 +54,7 @@ def main() -> None:
     for points, dt_s in STEPS_S.items():
         grid = sample_times(10.0, dt_s)
         found[f"predict {points}"] = times_ms(lambda n, grid=grid: twin.predict(asked[n % BATCH], grid), repeats)
-        subject = Subject(Loaded(twin, resolved.alias), twin.predict(asked[0], grid), with_prior=False)
+        subject = Subject(Loaded(twin, resolved.alias), twin.predict(asked[0], grid))
         for form in (Format.JSON, Format.CSV, Format.NPZ, Format.ARROW, Format.USDA):
             encode = ENCODERS[form].encode
             found[f"{form} {points}"] = times_ms(lambda _, e=encode, s=subject: e(s), repeats)

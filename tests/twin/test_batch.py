@@ -36,7 +36,8 @@ def banded() -> Twin:
 
 def assert_same(one: Prediction, other: Prediction, atol: float) -> None:
     assert (one.scenario, one.frame, one.prior_name) == (other.scenario, other.frame, other.prior_name)
-    for mine, theirs in ((one.trajectory, other.trajectory), (one.prior, other.prior)):
+    assert (one.prior is None) == (other.prior is None)
+    for mine, theirs in ((one.trajectory, other.trajectory), (one.prior or {}, other.prior or {})):
         assert list(mine) == list(theirs)
         for name, column in mine.items():
             np.testing.assert_allclose(column, theirs[name], rtol=1e-9, atol=atol)
@@ -63,11 +64,11 @@ def test_many_are_the_loop(champion, asked, form):
     frame, level = Frame.WORLD if form == "world" else Frame.SLOPE, 0.9 if form == "band" else None
     scenarios = [Scenario(*each, horizon) for each, horizon in asked]
     times = sample_grid([scenario.horizon_s for scenario in scenarios], 0.1)
-    batch = champion.predict_many(scenarios, times, frame, level)
+    batch = champion.predict_many(scenarios, times, frame, level, with_prior=True)
 
     assert len(batch) == len(scenarios)
     for scenario, found in zip(scenarios, batch, strict=True):
-        alone = champion.predict(scenario, sample_times(scenario.horizon_s, 0.1), frame, level)
+        alone = champion.predict(scenario, sample_times(scenario.horizon_s, 0.1), frame, level, with_prior=True)
         assert_same(found, alone, 1e-9)
 
 
@@ -121,7 +122,7 @@ def test_a_grid_of_one_horizon_is_shared_and_others_are_filled_up():
 
 def test_a_row_has_its_own_samples_only(banded):
     scenarios = [Scenario(10, 430, 60, 4), Scenario(12, 430, 60, 1.25)]
-    batch = banded.predict_many(scenarios, sample_grid([4, 1.25], 0.5), band_level=0.8)
+    batch = banded.predict_many(scenarios, sample_grid([4, 1.25], 0.5), band_level=0.8, with_prior=True)
 
     assert batch.counts.tolist() == [9, 4]
     assert batch[1].trajectory["time_s"].tolist() == [0.0, 0.5, 1.0, 1.25]

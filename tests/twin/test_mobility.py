@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -49,14 +50,12 @@ class Gliding:
 
     prior: Prior
     speeds_m_s: tuple[float, ...]
+    quick: ClassVar[bool] = True
 
     def positions(self, scenarios: Scenarios, time_s: Array) -> Positions:
-        return self.corrected(self.prior.positions(scenarios, time_s), scenarios, time_s)
-
-    def corrected(self, prior: Positions, scenarios: Scenarios, time_s: Array) -> Positions:
         slopes = np.degrees(scenarios.slope_angle_rad)
         speeds = np.interp(slopes, np.arange(len(self.speeds_m_s)), self.speeds_m_s)
-        return Positions(speeds[:, None] * time_s, prior.y_m)
+        return Positions(speeds[:, None] * time_s, self.prior.positions(scenarios, time_s).y_m)
 
 
 def gliding(twin: Twin, *speeds_m_s: float) -> Twin:

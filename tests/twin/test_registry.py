@@ -4,7 +4,7 @@ import gc
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from model_store import (
 from service.errors import CheckpointError
 from service.learning.checkpoint import weights_bytes
 from service.twin import CountedTwin, Scenario, Twin, TwinRegistry, sample_times
+from service.twin.summary import Outcome
 from tests.twin.published import draft, network_model, publish, publish_champion, zero_model
 
 REFRESH_S = 0.05
@@ -233,10 +234,13 @@ def test_a_twin_is_prepared_before_anybody_gets_it_and_its_warm_up_is_not_counte
     publish_champion(store)
     asked, counted = [], []
 
+    def count(who: Twin, seconds: float, outcomes: Sequence[Outcome], outside: int) -> None:
+        counted.append((len(outcomes), who.version, seconds))
+
     def prepare(twin: Twin) -> Twin:
         found = registry.resident()
         asked.append(found)
-        return CountedTwin.of(twin, lambda batch, who, seconds: counted.append((len(batch), who.version, seconds)))
+        return CountedTwin.of(twin, count)
 
     registry = TwinRegistry(store, "unit", prepare=prepare)
     twin = registry.get().twin

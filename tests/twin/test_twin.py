@@ -31,7 +31,7 @@ def learned(tmp_path_factory: pytest.TempPathFactory) -> Twin:
 
 @given(scenario=scenarios)
 def test_zero_residual_answers_the_prior(twin, scenario):
-    prediction = twin.predict(scenario, sample_times(scenario.horizon_s, 0.5))
+    prediction = twin.predict(scenario, sample_times(scenario.horizon_s, 0.5), with_prior=True)
     for name in ("x_m", "y_m"):
         np.testing.assert_array_equal(prediction.trajectory[name], prediction.prior[name])
     assert prediction.prior_name == "motor_slope"
@@ -80,7 +80,7 @@ def test_a_slow_rover_does_not_climb_because_it_is_shown_late(twin):
 @given(scenario=scenarios)
 def test_frames_hold_the_same_points(learned, scenario):
     times = sample_times(scenario.horizon_s, 0.5)
-    slope, world = learned.predict(scenario, times), learned.predict(scenario, times, Frame.WORLD)
+    slope, world = (learned.predict(scenario, times, frame, with_prior=True) for frame in (Frame.SLOPE, Frame.WORLD))
     assert list(world.trajectory) == ["time_s", "x_m", "z_m"]
     for positions in ("trajectory", "prior"):
         there, here = getattr(world, positions), getattr(slope, positions)

@@ -34,5 +34,5 @@ def _lines(subject: BatchSubject) -> Iterator[bytes]:
         if index in failures:
             yield dump(failures[index])
         elif subject.batch is not None:
-            one = Subject(subject.loaded, subject.batch[rows[index]], with_prior=subject.with_prior)
+            one = Subject(subject.loaded, subject.batch[rows[index]])
             yield b'{"index":%d,' % index + encode_json(one)[1:]

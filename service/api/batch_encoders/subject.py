@@ -55,7 +55,7 @@ class BatchSubject:
             band = {"band": dict.fromkeys(_BOUNDS, nothing)} if self.with_band else {}
             return {"trajectory": dict.fromkeys(self.names, nothing), **prior, **band}
         groups = {"trajectory": self.batch.positions}
-        if self.with_prior:
+        if self.batch.prior is not None:
             groups["prior"] = self.batch.prior
         if self.batch.band is not None:
             groups["band"] = self.batch.band.columns()
@@ -109,7 +109,7 @@ class BatchSubject:
             "units": {name: name.rpartition("_")[2] for name in names},
             "errors": self.failures,
         }
-        if self.with_prior and self.batch is not None:
+        if self.batch is not None and self.batch.prior is not None:
             about["prior"] = {"name": self.batch.prior_name}
         if self.batch is not None and self.batch.band is not None:
             about["band"] = {"level": self.batch.band.level}

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
-from service.api.encoders.numbers import dump
+from service.api.encoders.numbers import dump, times_text
 from service.api.encoders.subject import Subject, domain_document
 
 
@@ -14,16 +13,16 @@ def encode_json(subject: Subject) -> bytes:
     prediction = subject.prediction
     answer: dict[str, Any] = {
         "model": subject.model(),
-        "scenario": asdict(prediction.scenario),
+        "scenario": prediction.scenario,
         "frame": prediction.frame,
-        "trajectory": dict(prediction.trajectory),
+        "trajectory": prediction.trajectory | {"time_s": times_text(prediction.trajectory["time_s"])},
     }
-    if subject.with_prior:
+    if prediction.prior is not None:
         answer["prior"] = {"name": prediction.prior_name, **prediction.prior}
     if prediction.band is not None:
         answer["band"] = {"level": prediction.band.level, **prediction.band.columns()}
     answer["domain"] = domain_document(prediction.domain)
-    answer["summary"] = asdict(prediction.summary)
+    answer["summary"] = prediction.summary
     return dump(answer)
 
 

@@ -13,16 +13,15 @@ from service.twin import Loaded, Prediction
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
-    """One prediction to write. A band is written whenever the prediction has one: it has none unless asked for."""
+    """One prediction to write. Prior and band are written whenever it has them: it has none unless asked for."""
 
     loaded: Loaded
     prediction: Prediction
-    with_prior: bool
 
     def columns(self) -> Mapping[str, Array]:
         """Everything that has one number per time, in the order of a table's columns."""
         columns = dict(self.prediction.trajectory)
-        if self.with_prior:
+        if self.prediction.prior is not None:
             columns |= {f"prior_{name}": values for name, values in self.prediction.prior.items()}
         if self.prediction.band is not None:
             columns |= self.prediction.band.columns()
@@ -44,13 +43,13 @@ class Subject:
         prediction = self.prediction
         about: dict[str, Any] = {
             "model": self.model(),
-            "scenario": asdict(prediction.scenario),
+            "scenario": prediction.scenario,
             "frame": prediction.frame.value,
             "units": {name: name.rpartition("_")[2] for name in self.columns()},
             "domain": domain_document(prediction.domain),
-            "summary": asdict(prediction.summary),
+            "summary": prediction.summary,
         }
-        if self.with_prior:
+        if prediction.prior is not None:
             about["prior"] = {"name": prediction.prior_name}
         if prediction.band is not None:
             about["band"] = {"level": prediction.band.level}
@@ -58,10 +57,10 @@ class Subject:
 
 
 def domain_document(verdict: DomainVerdict) -> dict[str, Any]:
-    """The verdict as every answer shows it."""
+    """The verdict as every answer shows it; for orjson, which writes the runs' dataclasses as objects."""
     return {
         "inside": verdict.inside,
         "reasons": [asdict(reason) | {"detail": reason.detail} for reason in verdict.reasons],
         "distance": verdict.distance,
-        "nearest_runs": [asdict(run) for run in verdict.nearest_runs],
+        "nearest_runs": verdict.nearest_runs,
     }

@@ -66,7 +66,13 @@ def answer(call: Call, loaded: Loaded, bounds: Bounds, statistics: Statistics) -
         request = request_of(content)
         question = question_of(request, tail, twin, bounds.max_points)
         read = time.perf_counter_ns()
-        batch = twin.predict_many(question.scenarios, question.time_s, question.frame, question.band_level)
+        batch = twin.predict_many(
+            question.scenarios,
+            question.time_s,
+            question.frame,
+            question.band_level,
+            with_prior=question.with_prior,
+        )
         inferred = time.perf_counter_ns()
         response = _response(request.id, question, loaded, batch)
     except Exception:

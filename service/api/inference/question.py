@@ -55,6 +55,11 @@ class Question:
     band_level: float | None
     outputs: tuple[Wanted, ...]
 
+    @property
+    def with_prior(self) -> bool:
+        """Whether an output needs the prior's positions."""
+        return any(each.tensor.of_prior for each in self.outputs)
+
 
 def question_of(request: InferenceRequest, tail: memoryview, twin: Twin, max_points: int) -> Question:
     """Read a request; `tail` is the binary part of its body, `max_points` bounds one trajectory.

@@ -49,6 +49,7 @@ class OutputTensor:
     usual: bool = False
     frames: frozenset[Frame] = _BOTH
     of_band: bool = False
+    of_prior: bool = False
 
 
 INPUTS = {
@@ -66,6 +67,10 @@ INPUTS = {
 
 
 def _position(name: str, frames: frozenset[Frame], meaning: str) -> tuple[OutputTensor, OutputTensor]:
+    def of_prior(batch: PredictionBatch) -> Values:
+        assert batch.prior is not None
+        return batch.prior[name]
+
     return (
         OutputTensor(name, "FP64", 2, "m", meaning, lambda batch: batch.positions[name], usual=True, frames=frames),
         OutputTensor(
@@ -74,8 +79,9 @@ def _position(name: str, frames: frozenset[Frame], meaning: str) -> tuple[Output
             2,
             "m",
             f"{meaning}, by the closed-form solution alone",
-            lambda batch: batch.prior[name],
+            of_prior,
             frames=frames,
+            of_prior=True,
         ),
     )
 

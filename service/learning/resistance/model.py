@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +48,8 @@ class ResistanceProcess:
     resistance: ResponseTables
     height: ResponseTables
     start: StartProcess
+
+    quick: ClassVar[bool] = True
 
     def positions(self, scenarios: Scenarios, time_s: Array) -> Positions:
         """Positions (m), shape (scenario, time), at `time_s` >= 0 of shape (time,) or (scenario, time)."""
