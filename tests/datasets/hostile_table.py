@@ -49,6 +49,11 @@ def _part(name: str, data: str, *, end: str = "--cut--") -> bytes:
     return f'--cut\r\nContent-Disposition: form-data; name="{name}"\r\n\r\n{data}\r\n{end}\r\n'.encode()
 
 
+def _one_of_two_bad() -> bytes:
+    bad = long_csv(run=["two"] * 41, rear_y_m=["nan"] * 41)
+    return long_csv() + b"\n" + bad.partition(b"\n")[2]
+
+
 _TOLD = {name: str(value) for name, value in SCENARIO.items()}
 _MULTIPART = "multipart/form-data; boundary=cut"
 BAD_REQUESTS = (
@@ -69,7 +74,7 @@ BAD_REQUESTS = (
     BadRequest("passport that is no object", _form(**_TOLD, passport="[1]"), 422),
     BadRequest("name that is a path", _form(**_TOLD, name="../x"), 422),
     BadRequest("strict, one run of two is bad", lambda client: client.post(
-        DATASETS, files={"file": ("long.csv", long_csv() + long_csv(run=["two"] * 41, rear_y_m=["x"] * 41))},
+        DATASETS, files={"file": ("long.csv", _one_of_two_bad())},
         data={"strict": "true"}), 422),
     BadRequest("without token",
                lambda client: client.post(DATASETS, content=text(), headers={"Authorization": ""}), 401),
