@@ -29,7 +29,7 @@ from model_store import (
 from service.api.dataset_answers import report_document
 from service.api.encoders.json import domain_document
 from service.api.execution import OverloadedError
-from service.api.inference.failures import failure, is_inference
+from service.api.inference.failures import UnsupportedError, answer_to_unsupported, failure, is_inference
 from service.api.input_faults import MAX_FAULTS, InputFault, faults_of, printable, summary_of
 from service.api.negotiation import NotAcceptableError
 from service.api.openapi import document_of
@@ -199,6 +199,8 @@ def answer_to(error: Exception, path: str) -> Response:
         return _answer_to_validation(error, path)
     if isinstance(error, HTTPException):
         return _answer_to_http(error, path)
+    if isinstance(error, UnsupportedError):
+        return answer_to_unsupported(error)
     slug = next((slug for kind, slug in _SLUGS if isinstance(error, kind)), Slug.INTERNAL)
     if slug is Slug.INTERNAL:
         _log.error("a request failed", path=path[:200], exc_info=error)

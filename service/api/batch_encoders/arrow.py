@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from service.api.batch_encoders.subject import BatchSubject
+from service.api.encoders.arrow import stream_of
 from service.api.encoders.numbers import dump, require_finite
 from service.physics.scenario import Array
 
@@ -28,10 +29,7 @@ def encode_batch_arrow(subject: BatchSubject) -> bytes:
         name: part if isinstance(part, str) else dump(part) for name, part in (about | subject.tables()).items()
     }
     batch = pa.record_batch([pa.array(values) for values in (index, *long.values())], pa.schema(fields, metadata))
-    sink = pa.BufferOutputStream()
-    with pa.ipc.new_stream(sink, batch.schema) as stream:
-        stream.write_batch(batch)
-    return bytes(sink.getvalue().to_pybytes())
+    return stream_of(batch)
 
 
 def _long(subject: BatchSubject) -> dict[str, Array]:

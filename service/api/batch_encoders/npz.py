@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from typing import Any
 
 import numpy as np
 
 from service.api.batch_encoders.subject import BatchSubject
-from service.api.encoders.npz import METADATA
+from service.api.encoders.npz import METADATA, archive_of
 from service.api.encoders.numbers import dump, require_finite
 
 
@@ -30,6 +29,4 @@ def encode_batch_npz(subject: BatchSubject) -> bytes:
     arrays = {"time_s": subject.time_s(), **subject.columns()}
     arrays |= {name: np.asarray(column) for name, column in by_scenario.items()}
     require_finite({name: each for name, each in arrays.items() if each.dtype == np.float64}, "answer")
-    file = io.BytesIO()
-    np.savez(file, allow_pickle=False, **arrays, **{METADATA: np.array(dump(subject.about()).decode())})
-    return file.getvalue()
+    return archive_of({**arrays, METADATA: np.array(dump(subject.about()).decode())})

@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import io
+from typing import TYPE_CHECKING
+
 from service.api.encoders.numbers import dump, require_finite
 from service.api.encoders.subject import Subject
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 
 def encode_arrow(subject: Subject) -> bytes:
@@ -20,7 +26,14 @@ def encode_arrow(subject: Subject) -> bytes:
     fields = [pa.field(name, pa.float64(), nullable=False, metadata={"unit": units[name]}) for name in columns]
     metadata = {name: part if isinstance(part, str) else dump(part) for name, part in about.items()}
     batch = pa.record_batch([pa.array(values) for values in columns.values()], pa.schema(fields, metadata))
-    sink = pa.BufferOutputStream()
+    return stream_of(batch)
+
+
+def stream_of(batch: pa.RecordBatch) -> bytes:
+    """The IPC stream of one record batch."""
+    import pyarrow as pa  # noqa: PLC0415 - as above
+
+    sink = io.BytesIO()
     with pa.ipc.new_stream(sink, batch.schema) as stream:
         stream.write_batch(batch)
-    return bytes(sink.getvalue().to_pybytes())
+    return sink.getvalue()

@@ -1,9 +1,10 @@
-"""From a request's body to the body of its answer: what runs on a worker thread."""
+"""From a request's body to the body of its answer: what runs on a worker thread, unless it is quick."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,9 @@ from service.api.inference.signature import Values
 from service.api.inference.statistics import Statistics
 from service.api.inference.wire import Parameters, request_of, response_of, split, unpacked
 from service.twin import Loaded, PredictionBatch
+
+# What is answered in about half a millisecond: handing it to a thread would take longer.
+_SCENARIOS_AT_ONCE, _TEXT_AT_ONCE, _BINARY_AT_ONCE = 4, 4_000, 25_000
 
 
 class AnsweredOutput(BaseModel):
@@ -56,17 +60,45 @@ class Bounds:
     max_body_bytes: int
 
 
-def answer(call: Call, loaded: Loaded, bounds: Bounds, statistics: Statistics) -> Response:
-    """Answer a request and count it. Raises what reading and predicting raise."""
-    twin = loaded.twin
+@dataclass(frozen=True, slots=True, eq=False)
+class Inference:
+    """A request that was read, and what is to be counted when it is answered."""
+
+    loaded: Loaded
+    request_id: str | None
+    question: Question
+    statistics: Statistics
+    arrived_ns: int
+    began_ns: int
+    read_ns: int
+
+    @property
+    def quick(self) -> bool:
+        """Whether it is answered in about half a millisecond."""
+        values = len(self.question.scenarios) * self.question.time_s.shape[-1]
+        text = not all(each.binary for each in self.question.outputs)
+        most = _TEXT_AT_ONCE if text else _BINARY_AT_ONCE
+        # a scenario of its own takes as long as thousands of values
+        return self.loaded.twin.model.quick and len(self.question.scenarios) <= _SCENARIOS_AT_ONCE and values <= most
+
+
+def read(call: Call, loaded: Loaded, bounds: Bounds, statistics: Statistics) -> Inference:
+    """Read a request. One that cannot be read is counted, and what is wrong with it raised."""
     began = time.perf_counter_ns()
-    try:
+    with _counting(loaded, call.arrived_ns, statistics):
         body = unpacked(call.body, call.encoding, bounds.max_body_bytes)
         content, tail = split(body, call.header_length)
         request = request_of(content)
-        question = question_of(request, tail, twin, bounds.max_points)
-        read = time.perf_counter_ns()
-        batch = twin.predict_many(
+        question = question_of(request, tail, loaded.twin, bounds.max_points)
+    return Inference(loaded, request.id, question, statistics, call.arrived_ns, began, time.perf_counter_ns())
+
+
+def answer(inference: Inference) -> Response:
+    """Answer a request and count it. Raises what predicting raises."""
+    loaded, question = inference.loaded, inference.question
+    started = time.perf_counter_ns()
+    with _counting(loaded, inference.arrived_ns, inference.statistics):
+        batch = loaded.twin.predict_many(
             question.scenarios,
             question.time_s,
             question.frame,
@@ -74,18 +106,25 @@ def answer(call: Call, loaded: Loaded, bounds: Bounds, statistics: Statistics) -
             with_prior=question.with_prior,
         )
         inferred = time.perf_counter_ns()
-        response = _response(request.id, question, loaded, batch)
-    except Exception:
-        statistics.failed(twin.name, twin.version, time.perf_counter_ns() - call.arrived_ns)
-        raise
+        response = _response(inference.request_id, question, loaded, batch)
     parts_ns = {
-        "queue": began - call.arrived_ns,
-        "compute_input": read - began,
-        "compute_infer": inferred - read,
+        "queue": inference.began_ns - inference.arrived_ns + started - inference.read_ns,
+        "compute_input": inference.read_ns - inference.began_ns,
+        "compute_infer": inferred - started,
         "compute_output": time.perf_counter_ns() - inferred,
     }
-    statistics.succeeded(twin.name, twin.version, len(batch), parts_ns)
+    inference.statistics.succeeded(loaded.twin.name, loaded.twin.version, len(batch), parts_ns)
     return response
+
+
+@contextmanager
+def _counting(loaded: Loaded, arrived_ns: int, statistics: Statistics) -> Iterator[None]:
+    """Counts a request that fails inside."""
+    try:
+        yield
+    except Exception:
+        statistics.failed(loaded.twin.name, loaded.twin.version, time.perf_counter_ns() - arrived_ns)
+        raise
 
 
 def _response(request_id: str | None, question: Question, loaded: Loaded, batch: PredictionBatch) -> Response:

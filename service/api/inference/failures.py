@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import orjson
-from fastapi import Request, Response
+from fastapi import Response
 from pydantic import BaseModel, Field
 
 from service.api.problems import PROBLEMS, Slug
@@ -50,7 +50,7 @@ def failure(slug: Slug, detail: str, headers: Mapping[str, str]) -> Response:
     return _response(400 if status == _UNPROCESSABLE else status, detail, headers)
 
 
-async def handle_unsupported(_request: Request, error: Exception) -> Response:
+def answer_to_unsupported(error: UnsupportedError) -> Response:
     """The answer to UnsupportedError."""
     return _response(501, str(error), {})
 

@@ -11,8 +11,9 @@ from pydantic import BaseModel, Field, ValidationError
 import service
 from service.api import health
 from service.api.errors import InvalidInputError, NotReadyError
-from service.api.inference.answer import Bounds, Call, InferenceAnswer, answer
-from service.api.inference.failures import PREFIX, UnsupportedError, failure_responses, handle_unsupported
+from service.api.express import express_route
+from service.api.inference.answer import Bounds, Call, InferenceAnswer, answer, read
+from service.api.inference.failures import PREFIX, failure_responses
 from service.api.inference.metadata import ModelMetadata, configuration_of, metadata_of
 from service.api.inference.repository import (
     IndexEntry,
@@ -28,9 +29,9 @@ from service.api.inference.wire import HEADER_LENGTH, InferenceRequest, parsed
 from service.api.input_faults import faults_of
 from service.api.openapi import inlined_schema
 from service.api.services import Parts, Services
-from service.twin import Loaded
 
 EXTENSIONS = ("binary_tensor_data", "model_repository", "model_configuration", "parameters", "statistics")
+_READ_AT_ONCE = 4096  # bytes of a body that the event loop itself may read
 Body = TypeVar("Body", bound=BaseModel)
 
 router = APIRouter(prefix=PREFIX, tags=["inference protocol"], responses=failure_responses())
@@ -84,7 +85,6 @@ class ModelStatistics(BaseModel):
 def install(app: FastAPI) -> None:
     """Add the protocol to the app."""
     app.state.inference_statistics = Statistics()
-    app.add_exception_handler(UnsupportedError, handle_unsupported)
     app.include_router(router)
 
 
@@ -222,16 +222,28 @@ _INFER: dict[str, Any] = {
 }
 
 
-@router.post("/models/{name}/infer", summary="Predict many scenarios", **_INFER)
 async def model_infer(name: Name, request: Request, parts: Parts, counted: Counted) -> Response:
     """Tensors of scenarios in, tensors of trajectories out; JSON or binary either way."""
     return await _infer(reference_of(name), request, parts, counted)
 
 
-@router.post("/models/{name}/versions/{version}/infer", summary="Predict many scenarios by a version", **_INFER)
 async def version_infer(name: Name, version: Version, request: Request, parts: Parts, counted: Counted) -> Response:
     """Tensors of scenarios in, tensors of trajectories out; JSON or binary either way."""
     return await _infer(reference_of(name, version), request, parts, counted)
+
+
+async def _place(request: Request) -> dict[str, Any]:
+    """What stands in the address, and the counters."""
+    return {**request.path_params, "counted": await _statistics_of(request)}
+
+
+for _path, _endpoint, _summary in (
+    ("/models/{name}/infer", model_infer, "Predict many scenarios"),
+    ("/models/{name}/versions/{version}/infer", version_infer, "Predict many scenarios by a version"),
+):
+    router.add_api_route(
+        _path, _endpoint, methods=["POST"], summary=_summary, route_class_override=express_route(_place), **_INFER
+    )
 
 
 @router.post(
@@ -256,7 +268,7 @@ async def repository_index(request: Request, parts: Parts) -> list[IndexEntry]:
 async def load_model(name: Name, request: Request, parts: Parts) -> Response:
     """Brings the version that the model's champion is into memory, ahead of the first request."""
     require_loadable(_read(RepositoryRequest, await request.body()).parameters)
-    await _twin(reference_of(name), parts)
+    await parts.twin(reference_of(name))
     return Response()
 
 
@@ -278,11 +290,17 @@ async def unload_model(name: Name, request: Request, parts: Parts) -> Response:
 
 async def _infer(reference: str, request: Request, parts: Services, counted: Statistics) -> Response:
     arrived_ns = time.perf_counter_ns()
-    loaded = await _twin(reference, parts)
+    loaded = await parts.twin(reference)
     encoding = request.headers.get("content-encoding", "").strip().lower()
     call = Call(await request.body(), request.headers.get(HEADER_LENGTH), encoding, arrived_ns)
     bounds = Bounds(parts.settings.max_points, parts.settings.max_body_bytes)
-    return await parts.predictions.run(lambda: answer(call, loaded, bounds, counted))
+    if len(call.body) <= _READ_AT_ONCE and not encoding:
+        inference = read(call, loaded, bounds, counted)
+    else:
+        inference = await parts.predictions.run(lambda: read(call, loaded, bounds, counted))
+    if inference.quick:
+        return answer(inference)
+    return await parts.predictions.run(lambda: answer(inference))
 
 
 async def _metadata(reference: str, parts: Services) -> ModelMetadata:
@@ -292,12 +310,8 @@ async def _metadata(reference: str, parts: Services) -> ModelMetadata:
 async def _ready(reference: str, parts: Services) -> ModelReady:
     if parts.lifecycle.draining:
         raise NotReadyError("the service is shutting down")
-    loaded = await _twin(reference, parts)
+    loaded = await parts.twin(reference)
     return ModelReady(name=loaded.twin.name, ready=True)
-
-
-async def _twin(reference: str, parts: Services) -> Loaded:
-    return await parts.storage.run(lambda: parts.registry.get(reference))
 
 
 def _read(model: type[Body], content: bytes) -> Body:
