@@ -21,6 +21,7 @@ from service.api.errors import (
     InvalidInputError,
     UnauthorizedError,
     answer_to,
+    own_path,
 )
 from service.api.input_faults import fault, faults_of
 from service.api.json_body import require_unique
@@ -96,12 +97,12 @@ class AdminGate:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
-        path = scope.get("path", "").removeprefix(scope.get("root_path", ""))
-        if scope["type"] == "http" and (path == _PREFIX or path.startswith(_PREFIX + "/")):
+        path = own_path(scope) if scope["type"] == "http" else ""
+        if path == _PREFIX or path.startswith(_PREFIX + "/"):
             try:
                 check_token(scope["state"]["services"], Headers(scope=scope))
             except (AdminOffError, UnauthorizedError) as error:
-                await answer_to(error, scope["path"])(scope, receive, send)
+                await answer_to(error, path)(scope, receive, send)
                 return
         await self.app(scope, receive, send)
 

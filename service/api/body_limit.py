@@ -8,7 +8,7 @@ import anyio
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.api.errors import BodyTooLargeError, answer_to
+from service.api.errors import BodyTooLargeError, answer_to, own_path
 
 _LINGER_S = 0.5
 _LINGER_BYTES = 16 << 20
@@ -30,14 +30,14 @@ class BodyLimit:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        path = scope["path"].removeprefix(scope.get("root_path", ""))
+        path = own_path(scope)
         limit_bytes = self.larger.get((scope["method"], path), self.limit_bytes)
         headers = Headers(scope=scope)
         announced = headers.get("content-length", "")
         if announced.isdecimal() and (len(announced) > 18 or int(announced) > limit_bytes):
             # who waits for "100 Continue" has sent nothing yet, and will not
             last = send if "expect" in headers else _lingering(receive, send)
-            await answer_to(BodyTooLargeError(limit_bytes), scope["path"])(scope, receive, last)
+            await answer_to(BodyTooLargeError(limit_bytes), path)(scope, receive, last)
             return
         received = 0
 

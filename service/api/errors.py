@@ -11,6 +11,7 @@ import structlog
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
+from starlette.types import Scope
 
 from model_store import (
     AliasNotFoundError,
@@ -183,7 +184,13 @@ def install(app: FastAPI) -> None:
 async def _handle(request: Request, error: Exception) -> Response:
     if isinstance(error, HTTPException) and error.status_code == 405:
         error = HTTPException(405, headers={"Allow": _methods_of(request)})
-    return answer_to(error, request.url.path)
+    return answer_to(error, own_path(request.scope))
+
+
+def own_path(scope: Scope) -> str:
+    """The address within this service: without the prefix under which a proxy shows it."""
+    path: str = scope["path"]
+    return path.removeprefix(scope.get("root_path", ""))
 
 
 def _methods_of(request: Request) -> str:

@@ -9,7 +9,7 @@ import uuid
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.api.errors import answer_to
+from service.api.errors import answer_to, own_path
 from service.api.instruments import Instruments
 from service.log import REQUESTS, request_id
 
@@ -53,7 +53,7 @@ class RequestLog:
         except Exception as error:
             if status:  # half an answer is out already: only cutting the connection tells the client
                 raise
-            await answer_to(error, scope["path"])(scope, receive, noting)
+            await answer_to(error, own_path(scope))(scope, receive, noting)
         finally:
             route = getattr(scope.get("route"), "path", "no route")
             seconds = time.perf_counter() - began
