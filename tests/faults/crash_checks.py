@@ -23,7 +23,8 @@ ALIAS = "wrong alias"
 WEIGHTS = "other weights"
 LEFT = "left over"
 COLUMNS = (UPLOAD_LOST, JOB_LOST, STUCK, FAILED, HALF, DOUBLE, ALIAS, WEIGHTS, LEFT)
-_TIDY_S = 10.0
+_TIDY_S = 30.0
+_SERVED_S = 10.0
 
 
 def check_dataset(world: World, data: bytes, acknowledged: str | None) -> dict[str, str]:
@@ -61,6 +62,25 @@ def check_job(
     if wrong := _wrong_aliases(world, job):
         found[ALIAS] = "; ".join(wrong)
     return found | _work_left(world, again) | _folders_left(world)
+
+
+def check_move(
+    world: World, moved: str, before: list[AliasRecord], version: int, acknowledged: int | None
+) -> dict[str, str]:
+    """After an alias was moved by hand: it moved once or, if nobody was told that it did, not at all; so it is served."""
+    after = world.moves_of(moved)
+    made = after[len(before) :]
+    if after[: len(before)] != before or [record.version for record in made] not in ([], [version]):
+        return {ALIAS: f"{moved} went from {before} to {after}, asked was for {version}"}
+    if acknowledged is not None and [record.seq for record in made] != [acknowledged]:
+        return {ALIAS: f"move {acknowledged} of {moved} was acknowledged, there is {made}"}
+    if not made and until(lambda: world.move(moved, version, len(before)), 30, "a move") != len(before) + 1:
+        return {ALIAS: f"asked for again, {moved} did not move to {version}"}
+    try:
+        until(lambda: world.served_version(moved) == version, _SERVED_S)
+    except AssertionError:
+        return {ALIAS: f"{moved} is {version}, served is {world.served_version(moved)}"}
+    return {}
 
 
 def check_leftovers(world: World) -> dict[str, str]:

@@ -2,9 +2,9 @@
 
     python -m tests.faults.crash_table --kills 200 --seed 1
 
-A round is one upload or one job, and a kill in it: half a random time into the phase that it aims at, or anywhere in
-the job. What was killed is started again, the client asks again for what was not acknowledged, and then everything
-that the round was to leave is looked at. Where a kill hit is what the worker last said it began.
+A round is one upload, one job or one alias moved by hand, and a kill in it: a random time into the phase that it aims
+at, or anywhere in the job. What was killed is started again, the client asks again for what was not acknowledged, and
+then everything that the round was to leave is looked at. Where a kill hit is what the worker last said it began.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from typing import Any
 
 from tests.api.chrono_uploads import archive
 from tests.databases import start_postgres
-from tests.faults.crash_checks import COLUMNS, check_dataset, check_job, check_leftovers
+from tests.faults.crash_checks import COLUMNS, check_dataset, check_job, check_leftovers, check_move
 from tests.faults.crash_world import Steps, World
 from tests.jobs.nursery import Nursery, until
 
@@ -44,15 +44,17 @@ PHASES = {
     "tidy": "tidying up",
     "leave": "recording the result, or later",
 }
-ORDER = ("upload", *dict.fromkeys(PHASES.values()))
+BY_HAND = "alias moved by hand"
+ORDER = ("upload", *dict.fromkeys(PHASES.values()), BY_HAND)
 _STEPS = tuple(step for step in PHASES if step != "waiting")
 AIMS = {
-    "api": ("upload",) * 5 + ("queueing",) * 3 + (*_STEPS, "anywhere"),
-    "worker": ("upload", "queueing", *_STEPS, "anywhere"),
-    "database": ("upload", "queueing", "queueing", *_STEPS, "anywhere"),
+    "api": ("upload",) * 5 + ("queueing",) * 3 + (BY_HAND,) * 3 + (*_STEPS, "anywhere"),
+    "worker": ("upload", "queueing", BY_HAND, *_STEPS, "anywhere"),
+    "database": ("upload", "queueing", "queueing", BY_HAND, *_STEPS, "anywhere"),
 }
 SHARES = {"sqlite": {"api": 3, "worker": 5}, "postgresql": {"api": 3, "worker": 4, "database": 4}}
 _JOB = {"datasets": ["unit"], "split": {"test_slopes_deg": [12]}, "promote": "if_better", "margin": 0.01}
+MOVED_BY_HAND = "rover-0@by-hand"
 # In turn for each model, and whether champion moves to it: it is the first, better, worse, better.
 CONFIGS = (
     {"architecture": "zero", "prior": "rigid_slope"},
@@ -81,6 +83,7 @@ class Table:
     faults: list[str] = field(default_factory=list)
     uploads: int = 0
     jobs: int = 0
+    moves: int = 0
     seconds: float = 0.0
 
     def count(self, victim: str, phase: str, engine: str, found: dict[str, str]) -> None:
@@ -108,7 +111,7 @@ class Table:
             total.kills += row.kills
             total.wrong += row.wrong
             lines.append(_line(victim, phase, row))
-        lines.append(_line("**all**", f"{self.uploads} uploads, {self.jobs} jobs", total))
+        lines.append(_line("**all**", f"{self.uploads} uploads, {self.jobs} jobs, {self.moves} moves", total))
         return "\n".join([*lines, "", *(f"- {fault}" for fault in self.faults)]).rstrip() + "\n"
 
 
@@ -129,6 +132,7 @@ class Executioner:
         self._weights: dict[int, str] = {}
         self._upload_s = 2.0
         self._submit_s = 0.05
+        self._move_s = 0.02
         self._job_s = 2.0
 
     def learn(self) -> None:
@@ -152,10 +156,18 @@ class Executioner:
             manifest = self._world.store.manifest(job.result.model, job.result.version)
             self._weights[config] = manifest.files["weights.safetensors"].sha256
             self._jobs += 1
+        began = time.monotonic()
+        assert self._world.move(MOVED_BY_HAND, 1, 0) == 1
+        self._move_s = time.monotonic() - began
 
     def round(self, victim: str, aim: str) -> None:
         """One kill and the look at what it left."""
-        phases, found = self._upload_round(victim) if aim == "upload" else self._job_round(victim, aim)
+        if aim == "upload":
+            phases, found = self._upload_round(victim)
+        elif aim == BY_HAND:
+            phases, found = self._move_round(victim)
+        else:
+            phases, found = self._job_round(victim, aim)
         for number, phase in enumerate(phases):
             self._table.count(victim, phase, self._engine, {} if number else found)
 
@@ -174,6 +186,20 @@ class Executioner:
             self._kill(victim)
             acknowledged = sent.result()
         return ["upload"], check_dataset(self._world, data, acknowledged)
+
+    # ---- an alias
+
+    def _move_round(self, victim: str) -> tuple[list[str], dict[str, str]]:
+        """Somebody points an alias of his own to one of the versions of the first model."""
+        self._table.moves += 1
+        before = self._world.moves_of(MOVED_BY_HAND)
+        version = self._dice.choice([each for each in (1, 2, 3, 4) if each != before[-1].version])
+        with ThreadPoolExecutor(1) as pool:
+            sent = pool.submit(self._world.move, MOVED_BY_HAND, version, len(before))
+            time.sleep(self._dice.uniform(0, 1.5 * self._move_s))
+            self._kill(victim)
+            acknowledged = sent.result()
+        return [BY_HAND], check_move(self._world, MOVED_BY_HAND, before, version, acknowledged)
 
     # ---- a job
 

@@ -14,7 +14,7 @@ from typing import Any, Self
 
 import httpx
 
-from model_store import ModelStore
+from model_store import AliasRecord, ModelStore
 from service.errors import JobsUnavailableError
 from service.jobs.job import TrainingJob
 from service.jobs.queue import JobQueue
@@ -28,6 +28,7 @@ DATASETS = "/v1/admin/datasets"
 JOBS = "/v1/admin/training-jobs"
 # what a client that waits for an answer may meet when the other side is killed
 GONE = (httpx.TransportError,)
+_QUESTION = {"slope_deg": 12, "mass_kg": 430, "torque_nm": 60, "horizon_s": 4, "dt_s": 1}
 _STUCK_S = 90.0
 _FIRST_GUESS_S = 0.05
 _REMEMBERED = 15
@@ -157,6 +158,32 @@ class World:
         assert answer.status_code == 202, answer.text
         job_id: str = answer.json()["id"]
         return job_id
+
+    def move(self, moved: str, version: int, seen: int) -> int | None:
+        """Point name@alias to a version if its last move is number `seen`; the move's number once acknowledged."""
+        name, _, alias = moved.partition("@")
+        condition = {"If-Match": f'"{seen}"'} if seen else {"If-None-Match": "*"}
+        try:
+            with self.client() as client:
+                content = {"version": version, "reason": "by hand"}
+                answer = client.put(f"/v1/models/{name}/aliases/{alias}", json=content, headers=condition)
+        except GONE:
+            return None
+        assert answer.status_code in (200, 201), answer.text
+        seq: int = answer.json()["seq"]
+        return seq
+
+    def moves_of(self, moved: str) -> list[AliasRecord]:
+        """All moves of name@alias, oldest first."""
+        name, _, alias = moved.partition("@")
+        return self.store.alias_history(name, alias)
+
+    def served_version(self, moved: str) -> int | None:
+        """The version that answers a prediction by name@alias."""
+        with self.client() as client:
+            answer = client.get("/v1/predictions", params={**_QUESTION, "model": moved})
+        version: int | None = answer.json()["model"]["version"] if answer.is_success else None
+        return version
 
     def upload(self, data: bytes, pause_s: float = 0.0) -> str | None:
         """Post a dataset, half of it `pause_s` after the other; its id once acknowledged."""
