@@ -67,7 +67,7 @@ def check_job(
 def check_move(
     world: World, moved: str, before: list[AliasRecord], version: int, acknowledged: int | None
 ) -> dict[str, str]:
-    """After an alias was moved by hand: it moved once or, if nobody was told that it did, not at all; so it is served."""
+    """After an alias was moved by hand: it moved once or, if nobody was told so, not at all; and so it is served."""
     after = world.moves_of(moved)
     made = after[len(before) :]
     if after[: len(before)] != before or [record.version for record in made] not in ([], [version]):
