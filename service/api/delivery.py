@@ -54,9 +54,7 @@ class Delivery:
 
         Its ETag is known before the answer is: it is made from these, the form and the release of this service.
         """
-        manifest = loaded.twin.manifest
-        weights = ",".join(each.sha256 for each in manifest.files.values())
-        version = f"{manifest.name}@{manifest.version} {manifest.created_at.isoformat()} {weights} {loaded.alias}"
+        version = f"{loaded.twin.fingerprint} {loaded.alias}"
         fixed = bool(asked_for) and loaded.alias is None  # the default may be a number today, another one tomorrow
         return self.tagged(request, version.encode() + question, fixed=fixed)
 

@@ -26,7 +26,7 @@ class CountedTwin(Twin):
     @classmethod
     def of(cls, twin: Twin, count: Count) -> CountedTwin:
         """The same twin, counted."""
-        return cls(**{each.name: getattr(twin, each.name) for each in fields(Twin)}, count=count)
+        return cls(**{each.name: getattr(twin, each.name) for each in fields(Twin) if each.init}, count=count)
 
     def predict(
         self,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from service.errors import InvalidValueError
 from service.physics.scenario import Array, Scenarios
 
 _SHORTEST_S = 1e-6  # a mean speed needs a time that can be divided by; nothing moves in a microsecond
+_MOST_KEPT = 20_000  # steps of the grids that are kept, 160 kB each
 _SAME_TIME = 1e-9  # of a step: a horizon this close to a multiple of dt_s is that multiple
 _DECIMALS = 10  # a step that people write has no more; 600 s with that many are still exact in float64
 
@@ -51,20 +53,30 @@ def sample_times(horizon_s: float, dt_s: float) -> Array:
     """0, dt, 2 dt, ... and always the horizon itself as the last time; shape (time,), s.
 
     Multiples of a decimal step are the decimals themselves: 0.15, not the 0.15000000000000002 that 3 x 0.05 gives.
+    The array is read-only: who asks for the same times again may get the same one.
 
     Raises InvalidValueError unless both are positive and finite.
     """
     for field, value in (("horizon_s", horizon_s), ("dt_s", dt_s)):
         if not 0 < value < math.inf:
             raise InvalidValueError(field, value, "positive and finite")
+    return _kept_times(horizon_s, dt_s) if horizon_s <= _MOST_KEPT * dt_s else _times(horizon_s, dt_s)
+
+
+def _times(horizon_s: float, dt_s: float) -> Array:
     steps = math.floor(horizon_s / dt_s + _SAME_TIME)
     times = np.arange(steps + 1, dtype=np.float64) * dt_s
     if round(dt_s, _DECIMALS) == dt_s:
         np.round(times, _DECIMALS, out=times)
     if _ends_on_step(horizon_s, dt_s):
         times[-1] = horizon_s
-        return times
-    return np.append(times, horizon_s)
+    else:
+        times = np.append(times, horizon_s)
+    times.flags.writeable = False
+    return times
+
+
+_kept_times = lru_cache(maxsize=16)(_times)
 
 
 def _ends_on_step(horizon_s: float, dt_s: float) -> bool:

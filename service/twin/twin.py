@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +36,8 @@ class _Core:
 class Twin:
     """Immutable once made, so that any number of threads may share it.
 
+    `fingerprint` tells the version from all that were ever published, those of the same name and number too.
+
     `wheel_motion_resistance` calibrates how fast the wheels turn; None where no run recorded it. `band` is None where
     the version was published without one.
     """
@@ -45,6 +47,13 @@ class Twin:
     domain: Domain
     wheel_motion_resistance: float | None
     band: Band | None = None
+    fingerprint: str = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        manifest = self.manifest
+        files = ",".join(each.sha256 for each in manifest.files.values())
+        text = f"{manifest.name}@{manifest.version} {manifest.created_at.isoformat()} {files}"
+        object.__setattr__(self, "fingerprint", text)
 
     @property
     def name(self) -> str:

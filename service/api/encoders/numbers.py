@@ -22,6 +22,11 @@ def dump(value: object) -> bytes:
     Raises NonFiniteError instead of writing NaN or infinity, which orjson would turn into null without a word.
     """
     require_finite(value, "answer")
+    return dump_finite(value)
+
+
+def dump_finite(value: object) -> bytes:
+    """`dump` of what is known to be finite."""
     return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY)
 
 
