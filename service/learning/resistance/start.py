@@ -1,4 +1,7 @@
-"""How a run starts: speed and height at release. With the wheels locked they depend on slope and mass only."""
+"""How a run starts: speed and height at release. With the wheels locked they depend on slope and mass only.
+
+The formulas of features and kernel are in `native/scenario.c`.
+"""
 
 from __future__ import annotations
 
@@ -6,46 +9,45 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from service.learning.resistance.kernels import matern52
+from service.learning.resistance.library import address, contiguous, library
 from service.physics.scenario import Array
 
 # Signal and noise deviations of (speed in m/s, height in m); lengths in units of `start_features`. Chosen by
 # leave-one-run-out on the shipped runs: 1.3 mm/s and 0.065 mm rms there.
 _SIGNAL, _NOISE = np.array([0.06, 0.005]), np.array([0.0007, 0.0001])
-_LENGTHS = np.array([1.2, 6.0])
+INVERSE_LENGTHS = 1.0 / np.array([1.2, 6.0])
 
 
 def start_features(angle_rad: Array, log_mass_scaled: Array) -> Array:
     """(slope - 15 deg)/10 deg and the scaled log mass; shape (scenario, 2)."""
-    return np.stack([(np.degrees(angle_rad) - 15.0) / 10.0, log_mass_scaled], axis=-1)
+    angle, mass = contiguous(angle_rad), contiguous(log_mass_scaled)
+    if angle.shape != mass.shape or angle.ndim != 1:
+        raise ValueError(f"angles of shape {angle.shape} do not fit masses of shape {mass.shape}")
+    features = np.empty((len(angle), 2))
+    library().rover_start_features(len(angle), address(angle), address(mass), address(features))
+    return features
 
 
 def _shape(one: Array, two: Array) -> Array:
-    (one_slope, one_mass), (two_slope, two_mass) = (one / _LENGTHS).T, (two / _LENGTHS).T
-    distance = np.square(one_slope[:, None] - two_slope)
-    distance += np.square(one_mass[:, None] - two_mass)
-    shape = matern52(np.sqrt(distance, out=distance))
-    shape += 1.0 + one @ two.T
-    return np.asarray(shape)
+    """A Matern kernel of order 5/2 and a linear one between features (one, 2) and (two, 2); shape (one, two)."""
+    ones, twos = contiguous(one), contiguous(two)
+    shape = np.empty((len(ones), len(twos)))
+    library().rover_start_shape(
+        address(INVERSE_LENGTHS), len(ones), address(ones), len(twos), address(twos), address(shape)
+    )
+    return shape
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StartProcess:
-    """Two processes over the same runs: `features` (run, 2), `weights` (run, 2), `mean` (2,) for (speed, height)."""
+    """Two processes over the same runs: `features` (run, 2), `weights` (run, 2), `mean` (2,) for (speed, height).
+
+    For other features: mean + kernel @ weights, which the engine evaluates.
+    """
 
     features: Array
     weights: Array
     mean: Array
-
-    def at(self, features: Array) -> tuple[float, float]:
-        """Speed (m/s) and height (m) at release for features of shape (2,)."""
-        speed, height = self.mean + _shape(features[None, :], self.features)[0] @ self.weights
-        return float(speed), float(height)
-
-    def at_many(self, features: Array) -> tuple[Array, Array]:
-        """The same for features of shape (scenario, 2); each answer has shape (scenario,)."""
-        speed, height = (self.mean + _shape(features, self.features) @ self.weights).T
-        return speed, height
 
 
 def fit_start(features: Array, speed_m_s: Array, height_m: Array) -> tuple[StartProcess, list[StartProcess]]:

@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 
 from service.learning.held_out import left_out_slopes
 from service.learning.observed import ObservedRun, scenarios_of
-from service.learning.resistance import model as model_module
+from service.learning.resistance.engine import Engine
 from service.learning.resistance.fit import FittedProcess, fit_resistance_process
-from service.learning.resistance.integrate import steps_until
 from service.learning.resistance.model import ResistanceProcess
 from service.physics.parameters import LUNAR_REGOLITH, VIPER, RoverParameters
 from service.physics.priors import make_prior
 from service.physics.scenario import Array, Scenarios
+from service.physics.similarity import torque_ratio
+from tests.learning.resistance import reference
 
 TIMES = np.linspace(0.0, 10.0, 2001)
 
@@ -86,14 +87,6 @@ def test_an_answer_does_not_depend_on_what_else_is_asked(fitted: FittedProcess):
     assert fitted.model.positions(scenario, np.array([])).x_m.shape == (1, 0)
 
 
-def test_the_prior_cancels(fitted: FittedProcess):
-    scenario = Scenarios.of(25.5, 430, 60)
-    prior = fitted.model.prior.positions(scenario, TIMES)
-    assert np.array_equal(
-        fitted.model.corrected(prior, scenario, TIMES).x_m, fitted.model.positions(scenario, TIMES).x_m
-    )
-
-
 @settings(max_examples=60, deadline=None)
 @given(
     st.floats(-45, 45),
@@ -135,16 +128,26 @@ def test_a_climbing_rover_goes_on_past_the_trained_horizon(fitted: FittedProcess
     assert speeds.max() - speeds[-1] < 0.1 * speeds[-1] + 0.01
 
 
-def test_the_steps_are_fine_enough(
-    fitted: FittedProcess, paper_runs: list[ObservedRun], monkeypatch: pytest.MonkeyPatch
-):
+def test_the_steps_are_fine_enough(fitted: FittedProcess, paper_runs: list[ObservedRun]):
     climbing = scenarios_of([run for run in paper_runs if run.x_m[-1] > 0.5])
-    shipped = fitted.model.positions(climbing, TIMES)
-    monkeypatch.setattr(model_module, "steps_until", lambda horizon: steps_until(horizon, refine=16))
-    fine = fitted.model.positions(climbing, TIMES)
-    assert np.abs(shipped.x_m - fine.x_m).max() < 1e-3
-    assert np.abs(shipped.y_m - fine.y_m).max() < 1e-3
-    assert not np.array_equal(shipped.x_m, fine.x_m)
+    shipped, model = fitted.model.positions(climbing, TIMES), fitted.model
+    finer = Engine(
+        model.prior,
+        model.hyper,
+        model.curves,
+        model.features,
+        model.time_knots_s,
+        model.resistance,
+        model.height,
+        model.start,
+        refine=16,
+    )
+    ratio = torque_ratio(VIPER, LUNAR_REGOLITH, climbing)
+    x, y = finer.predict(climbing.slope_angle_rad, climbing.mass_kg, ratio, TIMES)
+    assert np.abs(shipped.x_m - x).max() < 1e-3
+    assert np.abs(shipped.y_m - y).max() < 1e-3
+    assert not np.array_equal(shipped.x_m, x)
+    np.testing.assert_allclose(x, reference.positions(model, climbing, TIMES, refine=16).x_m, rtol=0, atol=1e-9)
 
 
 def test_fitting_twice_gives_the_same_model(fitted: FittedProcess, paper_runs: list[ObservedRun]):
