@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING
 
-from service.api.encoders.numbers import dump, require_finite
+from service.api.encoders.numbers import dump, require_finite_columns
 from service.api.encoders.subject import Subject
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def encode_arrow(subject: Subject) -> bytes:
     import pyarrow as pa  # noqa: PLC0415 - half a second that only those pay who ask for Arrow
 
     columns, about = subject.columns(), subject.about()
-    require_finite(columns, "answer")
+    require_finite_columns(columns, "answer")
     units = about["units"]
     fields = [pa.field(name, pa.float64(), nullable=False, metadata={"unit": units[name]}) for name in columns]
     metadata = {name: part if isinstance(part, str) else dump(part) for name, part in about.items()}

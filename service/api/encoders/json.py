@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from service.api.encoders.numbers import dump_finite, require_finite, times_text
+from service.api.encoders.numbers import dump_finite, require_finite, require_finite_columns, times_text
 from service.api.encoders.subject import Subject, domain_document
 
 
@@ -22,7 +22,7 @@ def encode_json(subject: Subject) -> bytes:
     if prediction.band is not None:
         answer["band"] = {"level": prediction.band.level, **prediction.band.columns()}
     # all that was computed; the verdict follows from the question and from the manifest, whose numbers are finite
-    require_finite(answer, "answer")
+    require_finite_columns(subject.columns(), "answer")
     require_finite(prediction.summary, "answer.summary")
     answer["domain"] = domain_document(prediction.domain)
     answer["summary"] = prediction.summary

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.lib.format as npy
 import numpy.typing as npt
 
-from service.api.encoders.numbers import dump, require_finite
+from service.api.encoders.numbers import dump, require_finite_columns
 from service.api.encoders.subject import Subject
 
 METADATA = "metadata"
@@ -24,7 +24,7 @@ def encode_npz(subject: Subject) -> bytes:
     prediction gives the same bytes: NumPy dates the archive's members 1980. Raises NonFiniteError.
     """
     columns = subject.columns()
-    require_finite(columns, "answer")
+    require_finite_columns(columns, "answer")
     return archive_of({**columns, METADATA: np.array(dump(subject.about()).decode())})
 
 

@@ -47,6 +47,13 @@ def require_finite(value: object, where: str) -> None:
         raise NonFiniteError(f"{where}{place} is not finite: the answer was not sent")
 
 
+def require_finite_columns(columns: Mapping[str, Array], where: str) -> None:
+    """The same for columns of numbers, in less time."""
+    for name, values in columns.items():
+        if not np.isfinite(values).all():
+            raise NonFiniteError(f"{where}.{name} is not finite: the answer was not sent")
+
+
 def _place_of_fault(value: object) -> str | None:
     """Where inside the value something is not finite; empty if it is the value itself, None if nothing is."""
     kind = type(value)
