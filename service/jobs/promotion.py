@@ -5,6 +5,7 @@ A job moves each alias at most once, however often these run: its id stands in t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,10 +50,13 @@ def move_candidate(store: ModelStore, made: JobVersion) -> AliasRecord:
     )
 
 
-def judge(store: ModelStore, made: JobVersion, *, margin: float, promote: bool) -> Judged:
+def judge(
+    store: ModelStore, made: JobVersion, *, margin: float, promote: bool, check: Callable[[], None] = lambda: None
+) -> Judged:
     """Compare the version with the champion of now and, if that is wanted and it is better, point champion to it.
 
-    When the champion moves in between, compares with the new one. Raises as `move_candidate`.
+    When the champion moves in between, compares with the new one. `check` is called right before a move, and may raise
+    to prevent it. Raises as `move_candidate`.
     """
     for _ in range(_TRIES):
         history = _history(store, made.model, CHAMPION)
@@ -61,6 +65,7 @@ def judge(store: ModelStore, made: JobVersion, *, margin: float, promote: bool) 
         comparison = compare(store, made.model, made.version, None if before is None else before.version, margin=margin)
         if done is not None or not (promote and comparison.promote):
             return Judged(comparison, done)
+        check()
         try:
             return Judged(comparison, _move(store, made, CHAMPION, history, comparison.sentence()))
         except ConflictError:

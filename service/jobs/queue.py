@@ -118,7 +118,7 @@ class JobQueue:
     def cancel(self, job_id: str) -> TrainingJob:
         """Cancel a job that has not ended; a running one stops within seconds.
 
-        A version that was being published at that very moment stays, whole and without an alias.
+        What it wrote at that very moment, its version or the move of an alias, stays, whole.
         Raises JobNotFoundError, and JobStateError when it has ended.
         """
         job = self.get(job_id)

@@ -144,10 +144,12 @@ def publish_trained(
     created_by: str,
     command: str,
     job: str | None = None,
+    check: Callable[[], None] = lambda: None,
 ) -> Manifest:
     """Publish the trained model as the next version of `config.model`; no alias moves.
 
-    For a `job` that is done once only: later calls return the manifest of the first one.
+    For a `job` that is done once only: later calls return the manifest of the first one. `check` is called when the
+    report is drawn, which takes a second or two, and nothing is written yet; it may raise to leave it at that.
     """
     draft = ManifestDraft(
         created_by=created_by,
@@ -174,6 +176,7 @@ def publish_trained(
             trained.data.regolith,
             trained.left_out_slope_evaluations,
         )
+    check()
     return store.publish(config.model, files, draft, once_key=job)
 
 

@@ -172,7 +172,6 @@ class _Job:
         if published is None:
             trained = self._complete(self._load_state(fit), fit["seconds"])
             self._show("publishing", 0.0)
-            self._look(now=True)
             published = publish_trained(
                 self._store,
                 self._prepared.config,
@@ -180,6 +179,7 @@ class _Job:
                 created_by=self._actor,
                 command=f"training job {self._id}",
                 job=self._id,
+                check=lambda: self._look(now=True),
             )
         self._tell(f"published {published.name}@{published.version}")
         return {"version": published.version}
@@ -192,7 +192,13 @@ class _Job:
     def _judge(self, version: int) -> dict[str, Any]:
         self._show("judging", 0.0)
         wanted = self._request.promote == "if_better"
-        judged = judge(self._store, self._version(version), margin=self._request.margin, promote=wanted)
+        judged = judge(
+            self._store,
+            self._version(version),
+            margin=self._request.margin,
+            promote=wanted,
+            check=lambda: self._look(now=True),
+        )
         self._tell(judged.comparison.sentence())
         moves = [describe_move(CHAMPION, judged.move)] if judged.move else []
         if moves:

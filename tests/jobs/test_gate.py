@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import model_store
 from model_store import CorruptArtefactError, Lineage, ManifestDraft, ModelStore, VersionNotFoundError
 from service.errors import InvalidValueError
+from service.jobs import promotion
 from service.jobs.gate import FLOOR_M, LEAST_COMMON_RUNS, Verdict, compare, compare_versions
 
 LAWS = settings(max_examples=60, deadline=None, derandomize=True, database=None)
@@ -234,6 +235,22 @@ def test_the_description_is_json_with_the_verdict_and_what_it_rests_on():
     assert plain["sentence"] == judged.sentence()
     assert plain["p90"]["rmse_m"] == {"candidate_m": 0.01, "against_m": 0.02, "ratio": 0.5}
     assert (plain["common_runs"], plain["ratio"]) == (9, pytest.approx(0.5))
+
+
+def test_a_job_that_is_stopped_before_its_move_moves_nothing(tmp_path):
+    class StoppedError(Exception):
+        pass
+
+    def stop():
+        raise StoppedError
+
+    store = ModelStore.open(tmp_path)
+    made = promotion.JobVersion("rover", put(store, test=rows([0.01] * 9)), "job-1", "a test")
+    with pytest.raises(StoppedError):
+        promotion.judge(store, made, margin=0.05, promote=True, check=stop)
+    assert store.aliases("rover") == {}
+    assert promotion.judge(store, made, margin=0.05, promote=False, check=stop).move is None
+    assert promotion.judge(store, made, margin=0.05, promote=True).move.version == made.version
 
 
 def test_the_shipped_champion_beats_its_predecessor_on_the_runs_that_both_left_out():

@@ -33,6 +33,21 @@ def test_what_is_published_answers_like_what_was_trained(store):
     np.testing.assert_array_equal(twin.model.positions(one, times).x_m, trained.model.positions(one, times).x_m)
 
 
+class StoppedError(Exception):
+    pass
+
+
+def stop():
+    raise StoppedError
+
+
+def test_who_is_stopped_before_anything_is_written_leaves_nothing(store):
+    trained = train_model(store, CONFIG)
+    with pytest.raises(StoppedError):
+        publish_trained(store, CONFIG, trained, created_by="a test", command="train it", check=stop)
+    assert store.model_names() == []
+
+
 def test_the_manifest_tells_the_whole_lineage(store):
     manifest = published(store)
     lineage = manifest.lineage
