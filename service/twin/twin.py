@@ -155,7 +155,7 @@ class Twin:
             band = None
             if band_level is not None:
                 band = self._band_around(corrected, physics, time_s, band_level, reach_m=x_beyond[:, -1])
-        self._require_finite(scenarios, prior, corrected, summaries, band)
+        self._require_finite(scenarios, prior, summaries, band)
         return _Core(
             positions=_in_frame(corrected, physics, frame),
             prior=None if prior is None else _in_frame(prior, physics, frame),
@@ -211,14 +211,13 @@ class Twin:
         self,
         scenarios: Sequence[Scenario],
         prior: Positions | None,
-        corrected: Positions,
         summaries: Summaries,
         band: PredictionBand | None,
     ) -> None:
-        numbers = [corrected.x_m, corrected.y_m, *(() if band is None else band.columns().values())]
+        # the path goes through every sample: it is finite only if they are
+        numbers = [summaries.distance_m[:, None], summaries.mean_speed_m_s[:, None]]
         numbers += [] if prior is None else [prior.x_m, prior.y_m]
-        # the totals overflow where positions nearly do
-        numbers += [summaries.distance_m[:, None], summaries.mean_speed_m_s[:, None]]
+        numbers += [] if band is None else band.columns().values()
         if not all(np.isfinite(each).all() for each in numbers):
             finite = np.logical_and.reduce([np.isfinite(each).all(axis=1) for each in numbers])
             raise NonFiniteError(
