@@ -1,7 +1,8 @@
 """Floor (c), the arithmetic alone: no server, no bytes. `python -m tests.benchmarks.compute` prints JSON.
 
-The twin's `predict` is NumPy all through for the shipped version. Beside it each encoder alone, so that a request can
-be taken apart: arithmetic, bytes, and the rest, which is HTTP.
+The engine alone, the same formulas in plain Python and NumPy (the reference that tests compare with), and the twin's
+`predict`, which adds summary and verdict. Beside it each encoder alone, so that a request can be taken apart:
+arithmetic, bytes, and the rest, which is HTTP.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 from tests.benchmarks.client import scenarios
 from tests.benchmarks.machine import SERVER_CPU, python, running_on
+from tests.benchmarks.report import Bar, Sample, table
 
 STEPS_S = {201: 0.05, 2_001: 0.005, 20_001: 0.0005}
 BATCH = 1000
@@ -25,6 +27,18 @@ def measured(repeats: int) -> dict[str, list[float]]:
         command = python("tests.benchmarks.compute", str(repeats))
         done = subprocess.run(command, check=True, capture_output=True, text=True)
     return dict(json.loads(done.stdout))
+
+
+def described(alone: Mapping[str, Sequence[float]]) -> tuple[str, list[Bar]]:
+    """The table, and the bar of 20,001 points."""
+    kinds = ("engine", "predict", "plain")
+    rows = [[f"{points:,}", *(Sample(alone[f"{kind} {points}"]).p50 for kind in kinds)] for points in STEPS_S]
+    text = (
+        "### Arithmetic\n\nOne trajectory in a process without a server, median, ms: the compiled engine alone; with "
+        "summary and domain verdict, which is floor (c) below; and the engine's formulas in plain Python and NumPy.\n\n"
+    )
+    bar = Bar("20,001 points, engine alone, ms", Sample(alone["engine 20001"]).p50, 1.0)
+    return text + table(["points", "engine", "prediction (c)", "plain Python and NumPy"], rows), [bar]
 
 
 def times_ms(calls: Callable[[int], object], repeats: int) -> list[float]:
@@ -44,6 +58,7 @@ def main() -> None:
     from service.settings import load_settings
     from service.twin import Loaded, Scenario, sample_times
     from service.twin.load import load_twin
+    from tests.learning.resistance import reference
 
     repeats = int(sys.argv[1])
     store = ModelStore.open(load_settings().store_url)
@@ -51,8 +66,12 @@ def main() -> None:
     twin = load_twin(store, resolved.name, resolved.version)
     asked = [Scenario(**scenario, horizon_s=10.0) for scenario in scenarios(BATCH)]
     found: dict[str, list[float]] = {}
+    physics = [scenario.as_physics() for scenario in asked]
     for points, dt_s in STEPS_S.items():
         grid = sample_times(10.0, dt_s)
+        found[f"engine {points}"] = times_ms(lambda n, g=grid: twin.model.positions(physics[n % BATCH], g), repeats)
+        plain = times_ms(lambda n, g=grid: reference.positions(twin.model, physics[n % BATCH], g), repeats // 4)
+        found[f"plain {points}"] = plain
         found[f"predict {points}"] = times_ms(lambda n, grid=grid: twin.predict(asked[n % BATCH], grid), repeats)
         subject = Subject(Loaded(twin, resolved.alias), twin.predict(asked[0], grid))
         for form in (Format.JSON, Format.CSV, Format.NPZ, Format.ARROW, Format.USDA):

@@ -2,7 +2,7 @@
 
 The server has one processor, one worker and one thread, the client the other processor. Floors:
 (a) the same server design (uvicorn, uvloop, httptools) sending the same bytes precomputed, from a bare Starlette route;
-(b) such a route with a few bytes of JSON; (c) the arithmetic alone, in NumPy, in a process without a server.
+(b) such a route with a few bytes of JSON; (c) the arithmetic alone, in a process without a server.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def main() -> None:
         "One worker, one thread. Questions vary from one to the next, so no answer is a repetition. Floors, measured "
         "in turn with the service: (a) the same server design (uvicorn, uvloop, httptools) sending the same bytes "
         "precomputed from a bare Starlette route; (b) such a route with a few bytes of JSON; (c) the arithmetic alone, "
-        "in NumPy."
+        "beside the same in plain Python and NumPy."
     )
     markdown = "\n\n".join([head, bars_table(bars), *texts])
     print(f"\n{markdown}")
@@ -48,6 +48,7 @@ def _measured(asked: argparse.Namespace) -> tuple[list[str], list[Bar]]:
         alone = compute.measured(asked.repeats)
         with service() as ours, server("floors") as floors:
             if "latency" in wanted:
+                found.append(compute.described(alone))
                 found.append(latency.measure(ours, floors, alone, asked.repeats))
             if "load" in wanted:
                 found.append(load.measure(ours, floors, asked.seconds, asked.rounds))
