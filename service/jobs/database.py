@@ -220,6 +220,11 @@ class JobsDatabase:
                 and system.reenqueue_for_recovery(each.workflow_id, [executor_id], QUEUE)
             ]
 
+    def forgive(self, job_id: str, deaths: int) -> None:
+        """Note that so many deaths of workers do not count against the job: it has got further since."""
+        with answering():
+            self._client.update_workflow_attributes(job_id, {"forgiven": deaths}, merge=True)
+
     def count_hand_back(self, job_id: str, hand_backs: int) -> None:
         """Note that a worker gave the job back in order: not one of the ends that count against the job."""
         with answering():

@@ -47,5 +47,5 @@ def failure_of(error: Exception) -> JobFailure:
 
 def worker_lost(times: int) -> JobFailure:
     """A job under which worker after worker died."""
-    message = f"{times} workers were killed while they ran this job, so it is not tried again."
+    message = f"{times} workers were killed while they ran this job, at the same place, so it is not tried again."
     return JobFailure(type="WorkerLost", message=message, remedy=remedy_of("WorkerLost"))

@@ -16,7 +16,7 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import structlog
-from dbos import DBOS, StepOptions
+from dbos import DBOS, StepOptions, WorkflowStatus
 from dbos import error as dbos_errors
 
 from model_store import CorruptArtefactError, FileEntry, ModelStore, StoreError, StoreUnavailableError
@@ -99,6 +99,7 @@ class _Job:
         self._looked = -math.inf
         self._state: FitState | None = None
         self._trained: Trained | None = None
+        self._got_further = False
 
     def run(self) -> dict[str, Any]:
         """All steps, or those that no earlier attempt has finished. Raises JobFailedError when one fails."""
@@ -265,7 +266,17 @@ class _Job:
         """Run a step, or take its result from an earlier attempt."""
         self._look(now=True)
         options: StepOptions = {**_TRIED_AGAIN, "name": step.__name__.strip("_")}
-        return DBOS.run_step(options, step, *arguments)
+        ran = False
+
+        def run(*given: Any) -> dict[str, Any]:  # noqa: ANN401
+            nonlocal ran
+            ran = True
+            return step(*given)
+
+        result = DBOS.run_step(options, run, *arguments)
+        if ran and not self._got_further:
+            self._forgive_deaths()
+        return result
 
     @property
     def _telling(self) -> JobReport:
@@ -315,11 +326,17 @@ class _Job:
             row = self._runner.database.row(self._id)
         except JobsUnavailableError:
             return
-        if row is None:
-            return
-        deaths = (row.recovery_attempts or 1) - 1 - int((row.attributes or {}).get("hand_backs", 0))
+        deaths = 0 if row is None else _deaths(row) - _noted(row, "forgiven")
         if deaths >= _MOST_DEATHS:
             raise JobFailedError(worker_lost(deaths))
+
+    def _forgive_deaths(self) -> None:
+        """A step is finished that no earlier attempt has finished: what killed their workers is overcome."""
+        with suppress(JobsUnavailableError):
+            row = self._runner.database.row(self._id)
+            if row is not None and _deaths(row):
+                self._runner.database.forgive(self._id, _deaths(row))
+            self._got_further = True
 
     def _failed(self, failure: JobFailure) -> JobFailedError:
         _log.warning("training job failed", job=self._id, type=failure.type, reason=failure.message)
@@ -331,6 +348,15 @@ class _Job:
             self._store.remove_work(self._id)
         except StoreError as error:  # no reason to fail; the worker comes back to it
             _log.warning("work files stay for now", job=self._id, reason=str(error))
+
+
+def _deaths(row: WorkflowStatus) -> int:
+    """Attempts that ended with their worker, before this one."""
+    return (row.recovery_attempts or 1) - 1 - _noted(row, "hand_backs")
+
+
+def _noted(row: WorkflowStatus, name: str) -> int:
+    return int((row.attributes or {}).get(name, 0))
 
 
 def _share(phase: str, part: float) -> float:

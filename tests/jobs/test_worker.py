@@ -21,6 +21,7 @@ from tests.jobs.fair_clock import fair_clock
 from tests.jobs.nursery import until
 
 KILLS = 4
+DEADLY = 5
 NETWORK = TrainingJobRequest(
     model="killed",
     datasets=("unit",),
@@ -194,14 +195,29 @@ def test_a_cancelled_job_stops_within_seconds_and_leaves_nothing(store, jobs, st
 
 
 @on_one_engine
+def test_a_job_that_gets_further_each_time_survives_any_number_of_kills(store, jobs, start):
+    job_id = submit(store, jobs, budget=Budget(max_epochs=600))
+    for _ in range(DEADLY + 1):
+        before = store.work_names(job_id)
+        worker = start()
+        until(lambda before=before: set(store.work_names(job_id)) - set(before), what="a piece of the fit")
+        time.sleep(0.3)  # it is recorded
+        worker.kill()
+    start()
+    job = ended(jobs, job_id)
+    assert (job.state, job.attempts) == ("succeeded", DEADLY + 2)
+    assert store.versions("killed") == [1]
+
+
+@on_one_engine
 def test_a_job_that_kills_its_workers_fails_in_the_end(store, jobs, start):
     job_id = submit(store, jobs)
-    for _ in range(5):
+    for _ in range(DEADLY):
         start(deadly=True).wait()
     start()
     job = until(lambda: (job := jobs.get(job_id)) and job.finished_at and job)
     assert (job.state, job.failure.type) == ("failed", "WorkerLost")
-    assert "5 workers were killed" in job.failure.message
+    assert f"{DEADLY} workers were killed" in job.failure.message
     assert job.failure.remedy
     with pytest.raises(ModelNotFoundError):
         store.versions("killed")
