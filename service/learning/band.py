@@ -5,8 +5,9 @@ that the *other* runs lead one to expect there, are scores. The band's half-widt
 for, times the quantile of the scores at the level, each run weighing the same. The promise is pointwise: of all times
 of all runs like the training runs, that share lies inside; not that whole trajectories do.
 
-What is near is judged in slope, torque ratio, mass and in where the model itself sends the rover (its reach): errors
-are millimetres where it climbs and decimetres where it stalls, and the model knows better than distances which it is.
+What is near is judged in slope, torque ratio, mass and in where the model itself sends the rover: how far (its reach)
+and how far back on the way (its lowest x). Errors are millimetres where it climbs and decimetres where it stalls, and
+the model knows better than distances which it is; and one that slides back before it climbs may as well go on sliding.
 
 Beyond the trained horizon half-widths go on linearly, at the mean rate or the last rate, whichever is larger. Made
 from the first 5 s of the 80 shipped Chrono runs, the 0.9 band held 91 % of them in x and 95 % in y at 10 s.
@@ -26,7 +27,7 @@ from service.errors import CheckpointError, InvalidValueError
 from service.learning.curves import interpolate_curves
 from service.learning.domain import Domain
 from service.learning.error_scale import ErrorScale
-from service.learning.held_out import HeldOutErrors
+from service.learning.held_out import HeldOutErrors, look_times
 from service.learning.neighbourhood import Neighbourhood, chunks
 from service.learning.observed import ObservedRun
 from service.physics.scenario import Array, Positions, Scenarios
@@ -36,7 +37,7 @@ LOWEST_LEVEL, HIGHEST_LEVEL, USUAL_LEVEL = 0.5, 0.99, 0.9
 LEVELS = (0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.925, 0.95, 0.975, 0.99)
 FEWEST_RUNS = 3
 _LAST_PART = 0.25
-# Reaches are compared as arcsinh(x / 0.3 m): by their ratio where the rover moves, by their difference where it hardly
+# Both are compared as arcsinh(x / 0.3 m): by their ratio where the rover moves, by their difference where it hardly
 # does. 0.3 m in 10 s is also where the issue's figures draw the line between climbing and not.
 _HARDLY_MOVED_M = 0.3
 
@@ -45,12 +46,15 @@ _HARDLY_MOVED_M = 0.3
 class Band:
     """Immutable; safe to share by threads. `multipliers` has shape (2, level) for x and y at `LEVELS`.
 
+    `lowest_spread` is None in bands that were stored before the lowest x counted: there it does not.
+
     `coverage` says what was measured on left-out runs, as JSON values; it changes no answer.
     """
 
     neighbourhood: Neighbourhood
     reach_time_s: float
     reach_spread: float
+    lowest_spread: float | None
     time_s: Array
     scale: ErrorScale
     multipliers: Array
@@ -66,28 +70,37 @@ class Band:
         if len(runs) < FEWEST_RUNS:
             raise ValueError(f"a band needs at least {FEWEST_RUNS} runs, got {len(runs)}")
         errors = HeldOutErrors.of(runs, left_out)
-        spread = max(float(_compressed(errors.reach_m).std()), 0.1)  # runs that all end alike have no spread
-        places = _places(neighbourhood, errors.scenarios, errors.reach_m, spread)
+        spread, back = _spread(errors.reach_m), _spread(errors.lowest_m)
+        places = _places(neighbourhood, errors.scenarios, (errors.reach_m, spread), (errors.lowest_m, back))
         scale = ErrorScale.of(places, errors.envelope_m)
         return cls(
             neighbourhood=neighbourhood,
             reach_time_s=errors.reach_time_s,
             reach_spread=spread,
+            lowest_spread=back,
             time_s=errors.time_s,
             scale=scale,
             multipliers=_multipliers(errors.error_m, scale),
             coverage=_coverage(errors.error_m, scale, [float(run.x_m[-1]) for run in runs]),
         )
 
-    def half_widths(self, scenarios: Scenarios, time_s: Array, level: float, reach_m: Array) -> tuple[Array, Array]:
+    @property
+    def look_s(self) -> Array:
+        """The times (s) at which the band wants to see the predicted x, shape (look,); the last is `reach_time_s`."""
+        return np.array([self.reach_time_s]) if self.lowest_spread is None else look_times(self.reach_time_s)
+
+    def half_widths(self, scenarios: Scenarios, time_s: Array, level: float, seen_m: Array) -> tuple[Array, Array]:
         """Half-widths (m) in x and y, each of shape (scenario, time); zero or more, never shrinking with time or level.
 
-        `time_s` is of shape (time,) or (scenario, time), `reach_m` (scenario,) is the x that the model predicts for
-        `reach_time_s`. Raises InvalidValueError for a level that is not 0.5 to 0.99.
+        `time_s` is of shape (time,) or (scenario, time), `seen_m` (scenario, look) is the x that the model predicts
+        for `look_s`. Raises InvalidValueError for a level that is not 0.5 to 0.99.
         """
         if not LOWEST_LEVEL <= level <= HIGHEST_LEVEL:
             raise InvalidValueError("band_level", level, f"{LOWEST_LEVEL:g} to {HIGHEST_LEVEL:g}")
-        places = _places(self.neighbourhood, scenarios, reach_m, self.reach_spread)
+        ways = [(seen_m[:, -1], self.reach_spread)]
+        if self.lowest_spread is not None:
+            ways.append((np.minimum(seen_m.min(axis=1), 0.0), self.lowest_spread))
+        places = _places(self.neighbourhood, scenarios, *ways)
         factors = [np.interp(level, LEVELS, multipliers) for multipliers in self.multipliers]
         halves = np.empty((2, len(places), time_s.shape[-1]))
         for rows in chunks(len(places), len(self.scale.places) + len(self.time_s)):
@@ -115,6 +128,7 @@ class Band:
             "multipliers": {"x_m": self.multipliers[0].tolist(), "y_m": self.multipliers[1].tolist()},
             "reach_time_s": self.reach_time_s,
             "reach_spread": self.reach_spread,
+            "lowest_spread": self.lowest_spread,
             "spacing": self.scale.spacing,
             "coverage": dict(self.coverage),
         }
@@ -153,18 +167,22 @@ class Band:
         time, places = _tensor(tensors, "time_s", 1), _tensor(tensors, "places", 2)
         envelope = np.stack([_tensor(tensors, name, 2) for name in ("x_envelope_m", "y_envelope_m")])
         numbers = [float(description[name]) for name in ("reach_time_s", "reach_spread", "spacing")]
+        back = description.get("lowest_spread")
+        spreads = [numbers[1]] if back is None else [numbers[1], float(back)]
         if multipliers.shape != (2, len(LEVELS)) or envelope.shape != (2, len(places), len(time)):
             raise ValueError(f"multipliers {multipliers.shape}, places {places.shape}, envelopes {envelope.shape}")
-        if len(time) < 2 or len(places) < FEWEST_RUNS - 1 or places.shape[1] != known.places.shape[1] + 1:
+        if len(time) < 2 or len(places) < FEWEST_RUNS - 1 or places.shape[1] != known.places.shape[1] + len(spreads):
             raise ValueError(f"time_s has {len(time)} values and places is {places.shape}")
-        if not (np.isfinite(multipliers).all() and all(0.0 < each < np.inf for each in numbers)):
-            raise ValueError("multipliers, reach_time_s, reach_spread and spacing must be finite, the latter positive")
+        if not (np.isfinite(multipliers).all() and all(0.0 < each < np.inf for each in numbers + spreads)):
+            raise ValueError("multipliers, reach_time_s, spreads and spacing must be finite, the latter positive")
         if min(multipliers.min(), envelope.min()) < 0.0 or time[0] != 0.0 or (np.diff(time) <= 0.0).any():
             raise ValueError("multipliers and envelopes must not be negative, times must rise from zero")
         if (np.diff(multipliers) < 0.0).any() or (np.diff(envelope) < 0.0).any():
             raise ValueError("multipliers and envelopes must not fall")
         scale = ErrorScale(places, envelope, numbers[2])
-        return cls(known, numbers[0], numbers[1], time, scale, multipliers, dict(description["coverage"]))
+        lowest_spread = None if back is None else spreads[1]
+        coverage = dict(description["coverage"])
+        return cls(known, numbers[0], numbers[1], lowest_spread, time, scale, multipliers, coverage)
 
 
 def _known(domain: Domain) -> Neighbourhood:
@@ -186,8 +204,15 @@ def _compressed(reach_m: Array) -> Array:
     return np.asarray(np.arcsinh(reach_m / _HARDLY_MOVED_M), dtype=np.float64)
 
 
-def _places(neighbourhood: Neighbourhood, scenarios: Scenarios, reach_m: Array, spread: float) -> Array:
-    return np.column_stack([neighbourhood.coordinates(scenarios), _compressed(reach_m) / spread])
+def _spread(way_m: Array) -> float:
+    """Of compressed ways, shape (run,). Runs that are all sent alike have none: then a tenth stands for it."""
+    return max(float(_compressed(way_m).std()), 0.1)
+
+
+def _places(neighbourhood: Neighbourhood, scenarios: Scenarios, *ways: tuple[Array, float]) -> Array:
+    """Coordinates of scenarios; then of each way (m) of shape (scenario,), compressed, in units of its spread."""
+    compressed = [_compressed(way_m) / spread for way_m, spread in ways]
+    return np.column_stack([neighbourhood.coordinates(scenarios), *compressed])
 
 
 def _multipliers(error_m: Array, scale: ErrorScale) -> Array:

@@ -12,6 +12,7 @@ from service.learning.observed import ObservedRun, scenarios_of
 from service.physics.scenario import Array, Positions, Scenarios
 
 CURVE_POINTS = 81  # an eighth of a second for runs of 10 s: errors grow smoothly, and linearly between two points
+LOOK_POINTS = 20  # times at which the band looks how far back a rover is sent: it takes seconds to turn round
 
 # From runs to what is predicted of each, by name, when only the others of them are known.
 LeaveOneOut = Callable[[Sequence[ObservedRun]], Mapping[str, Positions]]
@@ -40,7 +41,8 @@ class HeldOutErrors:
 
     `time_s` has shape (time,), `error_m` shape (2, run, time) for x and y, NaN beyond a run's own horizon, and
     `envelope_m` likewise: the largest error so far, which for a run that ended early stays at its last.
-    `reach_m` of shape (run,) is the x that was predicted for `reach_time_s`, the shortest run's horizon.
+    `reach_m` of shape (run,) is the x that was predicted for `reach_time_s`, the shortest run's horizon, `lowest_m`
+    the lowest x that was predicted for the start and `look_times(reach_time_s)`: zero or less.
     """
 
     scenarios: Scenarios
@@ -49,6 +51,7 @@ class HeldOutErrors:
     envelope_m: Array
     reach_time_s: float
     reach_m: Array
+    lowest_m: Array
 
     @classmethod
     def of(cls, runs: Sequence[ObservedRun], left_out: Mapping[str, Positions]) -> Self:
@@ -59,16 +62,22 @@ class HeldOutErrors:
         time = np.linspace(0.0, max(run.horizon_s for run in runs), CURVE_POINTS)
         reach_time = min(run.horizon_s for run in runs)
         error, envelope = np.empty((2, 2, len(runs), CURVE_POINTS))
-        reach = np.empty(len(runs))
+        reach, lowest = np.empty((2, len(runs)))
         for row, run in enumerate(runs):
             predicted = _checked(run, left_out)
-            reach[row] = np.interp(reach_time, run.time_s, predicted.x_m[0])
+            seen = np.interp(look_times(reach_time), run.time_s, predicted.x_m[0])
+            reach[row], lowest[row] = seen[-1], min(float(seen.min()), 0.0)
             pairs = ((predicted.x_m[0], run.x_m), (predicted.y_m[0], run.y_m))
             for axis, (there, true) in enumerate(pairs):
                 absolute = np.abs(there - true)
                 error[axis, row] = np.interp(time, run.time_s, absolute, right=np.nan)
                 envelope[axis, row] = np.interp(time, run.time_s, np.maximum.accumulate(absolute))
-        return cls(scenarios_of(runs), time, error, envelope, reach_time, reach)
+        return cls(scenarios_of(runs), time, error, envelope, reach_time, reach, lowest)
+
+
+def look_times(reach_time_s: float) -> Array:
+    """Evenly spaced times (s) after the start, the last of them the reach time; shape (LOOK_POINTS,)."""
+    return np.linspace(0.0, reach_time_s, LOOK_POINTS + 1)[1:]
 
 
 def _checked(run: ObservedRun, left_out: Mapping[str, Positions]) -> Positions:

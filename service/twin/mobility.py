@@ -97,11 +97,11 @@ def mobility_map(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Motion:
-    """Ways along the slope (m), each of shape (scenario,): whole horizon, its last part, and where the band looks."""
+    """Ways along the slope (m): whole horizon, its last part, (scenario,); where the band looks, (scenario, look)."""
 
     whole_m: Array
     last_part_m: Array
-    reach_m: Array
+    seen_m: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,12 +118,13 @@ class _Ground:
 
     def motion(self, scenarios: Scenarios) -> _Motion:
         """The model's answer for all scenarios. Raises NonFiniteError."""
-        reach_time = self.horizon_s if self.twin.band is None else self.twin.band.reach_time_s
-        times = np.array([0.0, (1.0 - LAST_PART) * self.horizon_s, self.horizon_s, reach_time])
+        look = np.empty(0) if self.twin.band is None else self.twin.band.look_s
+        times = np.concatenate([[0.0, (1.0 - LAST_PART) * self.horizon_s, self.horizon_s], look])
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-            start, late, end, reach = self.twin.model.positions(scenarios, times).x_m.T
-            motion = _Motion(end - start, end - late, reach)
-        if not all(np.isfinite(each).all() for each in (motion.whole_m, motion.last_part_m, motion.reach_m)):
+            x = self.twin.model.positions(scenarios, times).x_m
+            start, late, end = x[:, :3].T
+            motion = _Motion(end - start, end - late, x[:, 3:])
+        if not all(np.isfinite(each).all() for each in (motion.whole_m, motion.last_part_m, motion.seen_m)):
             name = f"{self.twin.name}@{self.twin.version}"
             raise NonFiniteError(f"{name} has no finite answer for a mass_kg of {self.mass_kg:g} somewhere on this map")
         return motion
@@ -136,7 +137,7 @@ class _Ground:
         lower_m = motion.last_part_m
         if self.twin.band is not None:
             level = 2.0 * self.confidence - 1.0
-            half_m, _ = self.twin.band.half_widths(scenarios, np.array([self.horizon_s]), level, motion.reach_m)
+            half_m, _ = self.twin.band.half_widths(scenarios, np.array([self.horizon_s]), level, motion.seen_m)
             lower_m = lower_m - half_m[:, 0]
         return np.array([outcome is Outcome.CLIMBS for outcome in self.outcomes(lower_m)])
 

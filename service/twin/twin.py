@@ -145,7 +145,7 @@ class Twin:
         if starts_later := bool(time_s[..., 0].any()):
             extra.insert(0, np.zeros(len(horizons_s)))  # nor must the way until the first sample be forgotten
         if band_level is not None:
-            extra.append(np.full(len(horizons_s), self._known_band().reach_time_s))
+            extra += [np.full(len(horizons_s), look) for look in self._known_band().look_s]
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
             found = self.model.positions(physics, _with_times(time_s, extra))
             corrected, x_beyond = _without_last(found, len(extra)), found.x_m[:, -len(extra) :]
@@ -154,7 +154,8 @@ class Twin:
             summaries = self._summarise(physics, horizons_s, whole, late_x_m=x_beyond[:, int(starts_later)])
             band = None
             if band_level is not None:
-                band = self._band_around(corrected, physics, time_s, band_level, reach_m=x_beyond[:, -1])
+                seen = x_beyond[:, -len(self._known_band().look_s) :]
+                band = self._band_around(corrected, physics, time_s, band_level, seen)
         self._require_finite(scenarios, prior, summaries, band)
         return _Core(
             positions=_in_frame(corrected, physics, frame),
@@ -169,8 +170,7 @@ class Twin:
         Raises InvalidValueError for a version without a band or a level that is not 0.5 to 0.99.
         """
         band = self._known_band()
-        reach = self.model.positions(scenarios, np.array([band.reach_time_s])).x_m[:, 0]
-        return band.half_widths(scenarios, time_s, level, reach)
+        return band.half_widths(scenarios, time_s, level, self.model.positions(scenarios, band.look_s).x_m)
 
     def slip_ratios(self, scenarios: Scenarios, mean_speeds_m_s: Array) -> tuple[float | None, ...]:
         """Of each scenario at its mean speed, shape (scenario,); None where the wheels stand still or nobody knows."""
@@ -188,9 +188,9 @@ class Twin:
         return self.band
 
     def _band_around(
-        self, positions: Positions, physics: Scenarios, time_s: Array, level: float, reach_m: Array
+        self, positions: Positions, physics: Scenarios, time_s: Array, level: float, seen_m: Array
     ) -> PredictionBand:
-        half_x, half_y = self._known_band().half_widths(physics, time_s, level, reach_m)
+        half_x, half_y = self._known_band().half_widths(physics, time_s, level, seen_m)
         x, y = positions.x_m, positions.y_m
         return PredictionBand(level, x - half_x, x + half_x, y - half_y, y + half_y)
 

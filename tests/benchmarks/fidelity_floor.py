@@ -222,7 +222,7 @@ def outcomes(data: TrainingData) -> None:
         others, x = [other for other in data.runs if other is not run], left[run.name].x_m[0]
         domain = Domain.of_runs(others, data.rover, data.regolith, {other.name: 0.01 for other in others})
         band = Band.calibrate(others, {other.name: left[other.name] for other in others}, domain)
-        end, at = np.array([run.horizon_s]), np.array([np.interp(band.reach_time_s, run.time_s, x)])
+        end, at = np.array([run.horizon_s]), np.interp(band.look_s, run.time_s, x)[None]
         levels, kinds, allowed = (0.9, 0.5, 0.8, 0.95, 0.975, 0.99), list(Outcome), []
         for half in (float(band.half_widths(run.scenario, end, level, at)[0][0, -1]) for level in levels):
             best, worst = (kinds.index(outcome(run, x, side)) for side in (half, -half))

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from service.errors import CheckpointError, InvalidValueError
 from service.learning.band import LEVELS, Band
 from service.learning.domain import Domain
+from service.learning.observed import ObservedRun
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.scenario import Positions, Scenarios
 from tests.learning.left_out import domain_of, left_out, random_runs, synthetic_band
@@ -25,38 +26,47 @@ BAND = synthetic_band()
 EVEN = synthetic_band(spread=0.0)  # every run is off by the same: only the distance makes a difference
 
 scenarios = st.builds(Scenarios.of, st.floats(-45, 45), st.floats(1, 10_000), st.floats(0, 10_000))
-reaches = st.floats(-50, 50).map(lambda reach: np.array([reach]))
+ways = st.floats(-50, 50).map(lambda reach: _straight(reach))
 levels = st.floats(0.5, 0.99)
 
 
-@given(scenarios, reaches, levels, st.floats(0.1, 600))
-def test_half_widths_are_never_negative_and_never_shrink_with_time(scenario, reach, level, horizon):
+def _straight(*reaches: float) -> np.ndarray:
+    """What the band sees of models that send rovers there at an even speed, shape (reach, look)."""
+    return np.outer(reaches, BAND.look_s / BAND.reach_time_s)
+
+
+def _seen(band: Band, run: ObservedRun, predicted: Positions) -> np.ndarray:
+    return np.interp(band.look_s, run.time_s, predicted.x_m[0])[None]
+
+
+@given(scenarios, ways, levels, st.floats(0.1, 600))
+def test_half_widths_are_never_negative_and_never_shrink_with_time(scenario, seen, level, horizon):
     times = np.linspace(0, horizon, 50)
 
-    for half in BAND.half_widths(scenario, times, level, reach):
+    for half in BAND.half_widths(scenario, times, level, seen):
         assert half.shape == (1, 50)
         assert np.isfinite(half).all()
         assert half.min() >= 0
         assert (np.diff(half) >= -1e-12 * half.max()).all()
 
 
-@given(scenarios, reaches, levels, levels)
-def test_a_higher_level_is_never_narrower(scenario, reach, one, other):
+@given(scenarios, ways, levels, levels)
+def test_a_higher_level_is_never_narrower(scenario, seen, one, other):
     times = np.linspace(0, 3 * HORIZON_S, 20)
-    low, high = (BAND.half_widths(scenario, times, level, reach) for level in sorted((one, other)))
+    low, high = (BAND.half_widths(scenario, times, level, seen) for level in sorted((one, other)))
 
     for narrow, wide in zip(low, high, strict=True):
         assert (narrow <= wide * (1 + 1e-12)).all()
 
 
-@given(scenarios, reaches, levels, st.floats(1, 100))
-def test_beyond_the_trained_horizon_it_grows_at_least_in_proportion(scenario, reach, level, times_over):
-    for half in BAND.half_widths(scenario, np.array([HORIZON_S, times_over * HORIZON_S]), level, reach):
+@given(scenarios, ways, levels, st.floats(1, 100))
+def test_beyond_the_trained_horizon_it_grows_at_least_in_proportion(scenario, seen, level, times_over):
+    for half in BAND.half_widths(scenario, np.array([HORIZON_S, times_over * HORIZON_S]), level, seen):
         assert half[0, 1] >= half[0, 0] * times_over * (1 - 1e-9)
 
 
 def test_x_is_certain_at_the_start_and_y_is_not():
-    x, y = BAND.half_widths(Scenarios.of(12, 500, 60), np.array([0.0]), 0.9, np.array([1.0]))
+    x, y = BAND.half_widths(Scenarios.of(12, 500, 60), np.array([0.0]), 0.9, _straight(1.0))
 
     assert x[0, 0] < 1e-5
     assert y[0, 0] > 1e-5
@@ -68,7 +78,7 @@ def test_farther_from_the_runs_it_is_wider(slope, one, other):
     near, far = (Scenarios.of(slope, 900 * (1 + share), 60 * (1 + share)) for share in sorted((one, other)))
     distances = [DOMAIN.neighbourhood.distances(each).min() for each in (near, far)]
     assert distances[0] <= distances[1]
-    widths = [EVEN.half_widths(each, np.array([HORIZON_S]), 0.9, np.array([0.5])) for each in (near, far)]
+    widths = [EVEN.half_widths(each, np.array([HORIZON_S]), 0.9, _straight(0.5)) for each in (near, far)]
 
     for (narrow, wide), inside in zip(zip(*widths, strict=True), _typical(EVEN), strict=True):
         assert inside < narrow <= wide * (1 + 1e-9)
@@ -76,14 +86,38 @@ def test_farther_from_the_runs_it_is_wider(slope, one, other):
 
 def _typical(band: Band) -> list[float]:
     """Half-widths at one of the runs."""
-    at = band.half_widths(Scenarios.of(12, 600, 60), np.array([HORIZON_S]), 0.9, np.array([0.5]))
+    at = band.half_widths(Scenarios.of(12, 600, 60), np.array([HORIZON_S]), 0.9, _straight(0.5))
     return [float(each[0, 0]) for each in at]
 
 
 def test_where_the_model_sends_the_rover_says_what_is_near():
-    far = EVEN.half_widths(Scenarios.of(12, 600, 60), np.array([HORIZON_S]), 0.9, np.array([-30.0]))
+    far = EVEN.half_widths(Scenarios.of(12, 600, 60), np.array([HORIZON_S]), 0.9, _straight(-30.0))
 
     assert all(each[0, 0] > 2 * inside for each, inside in zip(far, _typical(EVEN), strict=True))
+
+
+def test_a_rover_that_is_sent_back_first_is_as_doubtful_as_those_that_slide():
+    climbs, turns = _straight(0.5), _straight(0.5)
+    turns[0, :10] = -3.0
+
+    asked = Scenarios.of(12, 600, 60), np.array([HORIZON_S]), 0.9
+    for narrow, wide in zip(EVEN.half_widths(*asked, climbs), EVEN.half_widths(*asked, turns), strict=True):
+        assert wide[0, 0] > 1.2 * narrow[0, 0]
+
+
+def test_a_band_that_was_stored_before_the_lowest_x_counted_does_without_it():
+    tensors = BAND.tensors()
+    older = {name: each for name, each in BAND.describe().items() if name != "lowest_spread"}
+    band = Band.restore(older, tensors | {"places": tensors["places"][:, :-1].copy()}, DOMAIN)
+    turns = _straight(0.5)
+    turns[0, :10] = -3.0
+
+    asked = Scenarios.of(12, 600, 60), np.array([HORIZON_S]), 0.9
+    assert band.look_s.tolist() == [band.reach_time_s]
+    for one, other in zip(band.half_widths(*asked, _straight(0.5)), band.half_widths(*asked, turns), strict=True):
+        np.testing.assert_array_equal(one, other)
+    with pytest.raises(CheckpointError, match="the band does not fit"):
+        Band.restore(older, tensors, DOMAIN)
 
 
 @pytest.fixture(scope="module")
@@ -101,8 +135,8 @@ def test_the_truth_lies_inside_as_often_as_promised(worlds, level):
     shares = []
     for band, fresh, predicted in worlds:
         batch = Scenarios.stack(run.scenario for run in fresh)
-        reach = np.array([predicted[run.name].x_m[0, -1] for run in fresh])
-        halves = band.half_widths(batch, fresh[0].time_s, level, reach)
+        seen = np.concatenate([_seen(band, run, predicted[run.name]) for run in fresh])
+        halves = band.half_widths(batch, fresh[0].time_s, level, seen)
         for half, name in zip(halves, ("x_m", "y_m"), strict=True):
             error = np.abs([getattr(predicted[run.name], name)[0] - getattr(run, name) for run in fresh])
             shares.append(np.mean((error <= half)[:, 1:]))
@@ -121,7 +155,7 @@ def test_the_coverage_it_states_is_what_leaving_runs_out_by_hand_gives():
     for run in runs:
         others = [each for each in runs if each is not run]
         band = Band.calibrate(others, predicted, whole)
-        x, _ = band.half_widths(run.scenario, band.time_s, 0.9, predicted[run.name].x_m[:, -1])
+        x, _ = band.half_widths(run.scenario, band.time_s, 0.9, _seen(band, run, predicted[run.name]))
         error = np.interp(band.time_s, run.time_s, np.abs(predicted[run.name].x_m[0] - run.x_m))
         shares.append(np.mean((error <= x[0])[1:]))
 
@@ -134,18 +168,18 @@ def test_the_coverage_it_states_is_what_leaving_runs_out_by_hand_gives():
 def test_the_order_of_the_runs_does_not_matter():
     turned = Band.calibrate(RUNS[::-1], left_out(RUNS), DOMAIN)
 
-    asked = Scenarios.of(17, 500, 70), np.linspace(0, 9, 7), 0.9, np.array([0.7])
+    asked = Scenarios.of(17, 500, 70), np.linspace(0, 9, 7), 0.9, _straight(0.7)
     np.testing.assert_allclose(turned.half_widths(*asked), BAND.half_widths(*asked), rtol=1e-9)
 
 
 def test_a_batch_is_its_scenarios_one_by_one():
     one, other = Scenarios.of(5, 400, 50), Scenarios.of(25, 800, 100)
-    times, reach = np.linspace(0, 9, 7), np.array([0.7, -0.1])
+    times, seen = np.linspace(0, 9, 7), _straight(0.7, -0.1)
 
-    together = BAND.half_widths(Scenarios.stack([one, other]), times, 0.9, reach)
+    together = BAND.half_widths(Scenarios.stack([one, other]), times, 0.9, seen)
 
     for at, each in enumerate((one, other)):
-        alone = BAND.half_widths(each, times, 0.9, reach[at : at + 1])
+        alone = BAND.half_widths(each, times, 0.9, seen[at : at + 1])
         for batch, single in zip(together, alone, strict=True):
             np.testing.assert_allclose(batch[at], single[0], rtol=1e-12)
 
@@ -162,14 +196,15 @@ def test_a_run_that_ended_early_counts_with_what_it_has():
 def test_errors_of_zero_give_a_band_of_almost_zero():
     exact = {run.name: Positions(run.x_m[None], run.y_m[None]) for run in RUNS}
 
-    for half in Band.calibrate(RUNS, exact, DOMAIN).half_widths(RUNS[0].scenario, np.array([1.0]), 0.99, np.zeros(1)):
+    band = Band.calibrate(RUNS, exact, DOMAIN)
+    for half in band.half_widths(RUNS[0].scenario, np.array([1.0]), 0.99, _straight(0.0)):
         assert half[0, 0] == 0
 
 
 @pytest.mark.parametrize("level", [0.49, 0.991, -1, 2, float("nan")])
 def test_a_level_that_is_not_offered_is_refused(level):
     with pytest.raises(InvalidValueError, match=r"band_level is .*, allowed is 0.5 to 0.99"):
-        BAND.half_widths(Scenarios.of(5, 400, 50), np.array([1.0]), level, np.zeros(1))
+        BAND.half_widths(Scenarios.of(5, 400, 50), np.array([1.0]), level, _straight(0.0))
 
 
 def test_what_cannot_be_calibrated_is_refused_by_name():
@@ -187,12 +222,12 @@ def test_what_cannot_be_calibrated_is_refused_by_name():
         Band.calibrate(RUNS, predicted, replace(DOMAIN, neighbourhood=None))
 
 
-@given(scenarios, reaches, levels)
-def test_survives_the_store(scenario, reach, level):
+@given(scenarios, ways, levels)
+def test_survives_the_store(scenario, seen, level):
     times = np.linspace(0, 20, 9)
 
     np.testing.assert_array_equal(
-        RESTORED.half_widths(scenario, times, level, reach), BAND.half_widths(scenario, times, level, reach)
+        RESTORED.half_widths(scenario, times, level, seen), BAND.half_widths(scenario, times, level, seen)
     )
 
 
@@ -245,6 +280,8 @@ DAMAGED_DESCRIPTIONS = {
     "no spacing": {"spacing": 0},
     "text": {"reach_time_s": "soon"},
     "null": {"reach_spread": None},
+    "no spread": {"lowest_spread": 0},
+    "lowest not counted": {"lowest_spread": None},
 }
 
 
@@ -275,12 +312,12 @@ def test_a_domain_that_does_not_know_its_runs_is_refused():
 def test_half_widths_of_many_are_those_of_each_whatever_the_chunks(monkeypatch):
     rng = np.random.default_rng(4)
     columns = rng.uniform([0, 300, 30], [30, 900, 130], (40, 3))
-    every, reach = Scenarios.stack([Scenarios.of(*each) for each in columns]), rng.uniform(-1, 3, 40)
+    every, seen = Scenarios.stack([Scenarios.of(*each) for each in columns]), _straight(*rng.uniform(-1, 3, 40))
     times = rng.uniform(0.1, 3 * HORIZON_S, (40, 1)) * np.linspace(0, 1, 20)
     monkeypatch.setattr("service.learning.neighbourhood._CELLS_AT_ONCE", 500)
-    together = BAND.half_widths(every, times, 0.9, reach)
+    together = BAND.half_widths(every, times, 0.9, seen)
     monkeypatch.undo()
 
     for row, each in enumerate(columns):
-        alone = BAND.half_widths(Scenarios.of(*each), times[row], 0.9, reach[row : row + 1])
+        alone = BAND.half_widths(Scenarios.of(*each), times[row], 0.9, seen[row : row + 1])
         np.testing.assert_allclose([half[row] for half in together], [half[0] for half in alone], rtol=1e-9)

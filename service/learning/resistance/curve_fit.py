@@ -74,12 +74,12 @@ def fit_curves(
     """
     rows = [row for run in runs for row in _windows(run, rover, regolith, hyper)]
     if not rows:
-        return TractionCurves()
+        return TractionCurves().backing(hyper)
     table = np.array(rows).T
     states = SteadyStates(table[0] > 0, *table[1:])
     virgin = ~states.in_rut
     if virgin.sum() < _LEAST_VIRGIN:
-        return TractionCurves()
+        return TractionCurves().backing(hyper)
     rear = _fit_curve(
         _REAR,
         states.rear_slip[virgin],
@@ -88,7 +88,7 @@ def fit_curves(
         states.rear_torque[virgin],
     )
     front = _fit_curve(_FRONT, states.front_slip, states.front_load_kg, states.front_share, states.front_torque)
-    return TractionCurves(front, rear, _fit_rut(states, rear.plateau))
+    return TractionCurves(front, rear, _fit_rut(states, rear.plateau)).backing(hyper)
 
 
 def _windows(

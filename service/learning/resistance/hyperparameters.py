@@ -72,19 +72,19 @@ RESISTANCE_KERNEL = KernelHyperparameters(
     travel_deviation=0.05,
     release_deviation=3.0,
     rut_deviation=0.016,
-    stall_level_deviation=0.05,
-    stall_travel_deviation=0.06,
+    stall_level_deviation=0.034,
+    stall_travel_deviation=0.08,
     stall_time_deviation=0.14,
     run_level_deviation=0.0003,
     run_travel_deviation=0.0003,
-    run_release_deviation=0.01,
+    run_release_deviation=0.0075,
     run_rut_deviation=0.0002,
-    run_stall_deviation=0.003,
+    run_stall_deviation=0.004,
     level_lengths=(2.0, 2.0, 3.0),
-    travel_lengths=(1.2, 1.8, 6.0),
+    travel_lengths=(1.2, 1.8, 4.5),
     release_lengths=(2.0, 2.0, 10.0),
-    rut_lengths=(2.5, 4.0, 1.5),
-    stall_lengths=(0.55, 0.55, 1.7),
+    rut_lengths=(2.5, 4.0, 2.0),
+    stall_lengths=(0.55, 0.55, 1.5),
     noise_deviation=0.004,
     stall_noise_ratio=3.0,
     speed_noise_m_s=0.003,
@@ -116,6 +116,10 @@ HEIGHT_KERNEL = KernelHyperparameters(
 )
 
 
+# What versions do whose description was stored before these numbers were there.
+_BEFORE = {"backing_loss": 0.0, "backing_slip": 1.0, "share_shift": 0.0}
+
+
 @dataclass(frozen=True, slots=True)
 class Hyperparameters:
     """The two kernels and what they share."""
@@ -125,6 +129,7 @@ class Hyperparameters:
     mean_resistance: float = 0.15  # fraction of the weight, prior mean of the resistance at the reference mass
     reference_mass_kg: float = 550.0  # geometric middle of the shipped runs
     mass_exponent: float = 0.25  # of the resistance; 0.1 to 0.3 do alike, 0.25 suits 860 kg from 430 kg runs best
+    share_shift: float = 0.01  # part of the weight that rolling shifts from the front to the rear axle
     height_rise_m: float = 0.076  # rise of the centre of mass per unladen mass of payload (the shipped runs' loads)
     unladen_mass_kg: float = 430.0  # mass for which the rover's centre-of-mass height is stated (IAC-23-A3.IP.204)
     rut_start_m: float = 1.0  # travel at which the rear wheels begin to enter the front wheels' ruts
@@ -133,13 +138,14 @@ class Hyperparameters:
     gate_torque: float = 0.08  # its shift per ln(torque ratio / 0.32)
     gate_mass: float = 0.02  # its shift per ln(mass / reference mass)
     gate_width: float = 0.013  # scale of the sigmoid, in units of the drive margin
-    sticking_margin: float = 0.15  # drive margin below which locked wheels hold the rover instead of pushing it back
-    # Scale of that sigmoid, by leave-one-run-out on the shipped runs: relative final error of the space runs (90th
-    # percentile) 28.5 % at 0.015, 18.5 % at 0.03, 8.9 % at 0.045, 7.5 % at 0.06; climbing runs alike. Nested halves
-    # agree, five folds are mixed: docs/fidelity.md, "What was tried".
-    sticking_width: float = 0.045
-    sticking_wheel_m_s: float = 0.1  # rim speed above which a wheel no longer sticks
+    sticking_margin: float = 0.67  # drive margin below which the resistance turns round where the rover slides back
+    sticking_width: float = 0.03  # scale of that sigmoid
+    sticking_wheel_m_s: float = 0.0  # rim speed above which a wheel no longer sticks; 0: however fast it turns
     sticking_speed_m_s: float = 0.05  # speed over which the resistance changes its sign
+    # Share of their torque that rear wheels lose where the rover slides back. 0.4 suits left-out runs better, but makes
+    # sliding feed on itself and maps turn round past the steepest runs: docs/decisions/0008-resistance-process.md.
+    backing_loss: float = 0.1
+    backing_slip: float = 1.5  # slip past 1 at which all of it is lost
     margin_speed_m_s: float = 0.02  # speed at which the drive margin is taken
     mass_reach: float = 3.0  # factor past the training masses up to which laws of traction and resistance are scaled
     feature_margin: float = 0.25  # how far scenarios may leave the training ranges before their features are held
@@ -149,11 +155,13 @@ class Hyperparameters:
             value = getattr(self, each.name)
             if isinstance(value, float) and not math.isfinite(value):
                 raise ValueError(f"{each.name} must be finite, got {value!r}")
-        for name in ("reference_mass_kg", "unladen_mass_kg", "gate_width", "sticking_width", "sticking_wheel_m_s"):
+        for name in ("reference_mass_kg", "unladen_mass_kg", "gate_width", "sticking_width", "backing_slip"):
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)!r}")
-        if self.sticking_speed_m_s <= 0 or self.rut_end_m <= self.rut_start_m:
-            raise ValueError("sticking_speed_m_s must be positive and rut_end_m lie past rut_start_m")
+        if self.sticking_speed_m_s <= 0 or self.sticking_wheel_m_s < 0 or self.rut_end_m <= self.rut_start_m:
+            raise ValueError("sticking speeds must be positive (the wheel's may be 0), rut_end_m lie past rut_start_m")
+        if not 0 <= self.backing_loss <= 1:
+            raise ValueError(f"backing_loss must be 0 to 1, got {self.backing_loss!r}")
 
     def describe(self) -> dict[str, Any]:
         """As JSON values: tuples become lists."""
@@ -168,6 +176,7 @@ class Hyperparameters:
     def restore(cls, description: Mapping[str, Any]) -> Hyperparameters:
         """Inverse of `describe`. Raises KeyError, TypeError or ValueError for what does not fit."""
         rest = {name: float(value) for name, value in description.items() if name not in ("resistance", "height")}
+        rest = _BEFORE | rest
         return cls(
             KernelHyperparameters.restore(description["resistance"]),
             KernelHyperparameters.restore(description["height"]),

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from service.physics.scenario import Array
 
 PATH = Path(__file__).with_name("native") / "librover.so"
-INTERFACE = 1  # ROVER_INTERFACE of native/engine.h
+INTERFACE = 2  # ROVER_INTERFACE of native/engine.h
 LANES = 16  # ROVER_LANES
 _REMEDY = "run `pip install .` (or `pip install --editable .`, or `make run`) again in the checkout: that compiles it"
 _NO_MEMORY, _BAD_TIME = 1, 2
@@ -32,13 +32,15 @@ def _numbers(names: str) -> _Fields:
 class Curve(ctypes.Structure):
     """`rover_curve`."""
 
-    _fields_: ClassVar[_Fields] = _numbers("adhesion plateau slip_scale load_exponent linear")
+    _fields_: ClassVar[_Fields] = _numbers("adhesion plateau slip_scale load_exponent linear backing_loss backing_slip")
 
 
 class Body(ctypes.Structure):
     """`rover_body`."""
 
-    _fields_: ClassVar[_Fields] = _numbers("wheelbase_m centre_ahead_m centre_height_m height_rise_m unladen_mass_kg")
+    _fields_: ClassVar[_Fields] = [
+        *_numbers("wheelbase_m centre_ahead_m centre_height_m height_rise_m unladen_mass_kg share_shift")
+    ]
 
 
 class Gate(ctypes.Structure):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from ctypes import addressof, byref, c_double
-from dataclasses import asdict, astuple, dataclass, fields
+from dataclasses import asdict, astuple, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -38,10 +38,12 @@ _LOWEST_SPEED, _HIGHEST_SPEED, SPEED_COUNT = -2.0, 3.0, 801
 
 @dataclass(frozen=True, slots=True)
 class TractionCurve:
-    """phi(s) = adhesion + plateau J(s / (slip_scale f)) + linear clip(s, -0.5, 1), f = (load / 275 kg)**-load_exponent.
+    """phi(s) = [adhesion + plateau J(s / (slip_scale f)) + linear clip(s, -0.5, 1)] [1 - backing_loss S(s - 1)].
 
-    J(x) = 1 - (1 - exp(-x))/x is Janosi and Hanamoto's shear law averaged over the contact patch, continued as an odd
-    function (Wong, Theory of Ground Vehicles, 4th ed., eq. 2.59). All parameters are dimensionless.
+    f = (load / 275 kg)**-load_exponent. J(x) = 1 - (1 - exp(-x))/x is Janosi and Hanamoto's shear law averaged over the
+    contact patch, continued as an odd function (Wong, Theory of Ground Vehicles, 4th ed., eq. 2.59). S rises smoothly
+    from 0 to 1 over `backing_slip`: a wheel that turns uphill while the rover slides back (s > 1) meets fresh soil
+    behind it, which helps to turn it. All parameters are dimensionless.
     """
 
     adhesion: float
@@ -49,10 +51,14 @@ class TractionCurve:
     slip_scale: float
     load_exponent: float = 0.0
     linear: float = 0.0
+    backing_loss: float = 0.0
+    backing_slip: float = 1.0
 
     def __post_init__(self) -> None:
         if not all(np.isfinite(getattr(self, each.name)) for each in fields(self)) or self.slip_scale <= 0:
             raise ValueError(f"a traction curve needs finite values and a positive slip_scale, got {self}")
+        if not 0.0 <= self.backing_loss <= 1.0 or self.backing_slip <= 0:
+            raise ValueError(f"backing_loss must be 0 to 1 and backing_slip positive, got {self}")
 
     def __call__(self, slip: Array, load_kg: Array | float) -> Array:
         """phi at slips and loads (kg); shapes broadcast."""
@@ -85,6 +91,14 @@ class TractionCurves:
     rear: TractionCurve = TractionCurve(0.166, 0.871, 0.321, 0.446)
     rear_in_rut: TractionCurve = TractionCurve(0.127, 0.871, 0.026)
 
+    def backing(self, hyper: Hyperparameters) -> TractionCurves:
+        """The same with what rear wheels lose where the rover slides back: of front wheels it hardly matters."""
+        rear, rear_in_rut = (
+            replace(curve, backing_loss=hyper.backing_loss, backing_slip=hyper.backing_slip)
+            for curve in (self.rear, self.rear_in_rut)
+        )
+        return TractionCurves(self.front, rear, rear_in_rut)
+
     def describe(self) -> dict[str, Any]:
         """As JSON values."""
         return asdict(self)
@@ -98,9 +112,10 @@ class TractionCurves:
 def axle_shares(
     rover: RoverParameters, hyper: Hyperparameters, angle_rad: float, mass_kg: float
 ) -> tuple[float, float]:
-    """Static shares of the front and the rear axle in m g: n_f = (L_r cos th - h sin th)/L and n_r = cos th - n_f.
+    """Shares of the axles in m g, at rest: front n_f = (L_r cos th - h sin th)/L - d cos th, rear n_r = cos th - n_f.
 
-    The centre of mass rises with the load: h = h_0 + height_rise (m - m_0)/m_0. Held where an axle would lift off.
+    The centre of mass rises with the load: h = h_0 + height_rise (m - m_0)/m_0. The shift d comes from the soil, which
+    carries a rolling wheel ahead of its centre. Held where an axle would lift off.
     """
     front, rear = c_double(), c_double()
     library().rover_axle_shares(byref(_body(rover, hyper)), angle_rad, mass_kg, addressof(front), addressof(rear))
@@ -114,6 +129,7 @@ def _body(rover: RoverParameters, hyper: Hyperparameters) -> Body:
         centre_height_m=rover.centre_of_mass_height_m,
         height_rise_m=hyper.height_rise_m,
         unladen_mass_kg=hyper.unladen_mass_kg,
+        share_shift=hyper.share_shift,
     )
 
 

@@ -180,7 +180,9 @@ def traction(curve: TractionCurve, slip: Array, load_kg: float) -> Array:
     """phi of `TractionCurve`."""
     bounded = np.clip(slip, -1.0, 4.0)
     shear = mean_shear(bounded / (curve.slip_scale * (load_kg / 275.0) ** -curve.load_exponent))
-    return curve.adhesion + curve.plateau * shear + curve.linear * np.clip(bounded, -0.5, 1.0)
+    whole = curve.adhesion + curve.plateau * shear + curve.linear * np.clip(bounded, -0.5, 1.0)
+    back = np.clip((bounded - 1.0) / curve.backing_slip, 0.0, 1.0)
+    return whole * (1.0 - curve.backing_loss * (3.0 * back**2 - 2.0 * back**3))
 
 
 def axle_shares(
@@ -191,7 +193,8 @@ def axle_shares(
     height = rover.centre_of_mass_height_m + hyper.height_rise_m * payload
     cosine = float(np.cos(angle_rad))
     moment = rover.centre_of_mass_ahead_of_rear_axle_m * cosine - height * float(np.sin(angle_rad))
-    front = float(np.clip(moment / rover.wheelbase_m, 0.02 * cosine, 0.98 * cosine))
+    share = moment / rover.wheelbase_m - hyper.share_shift * cosine
+    front = float(np.clip(share, 0.02 * cosine, 0.98 * cosine))
     return front, cosine - front
 
 
@@ -247,7 +250,8 @@ def speed_law(
         direction = stuck * (1.0 - np.tanh(speeds / hyper.sticking_speed_m_s))
         for push, rear in zip(pushes, rears, strict=True):
             for axle in (front, rear):
-                turning = np.square(axle.rim_at(speeds) / hyper.sticking_wheel_m_s)
+                wheel = hyper.sticking_wheel_m_s
+                turning = np.square(axle.rim_at(speeds) / wheel) if wheel else np.zeros_like(speeds)
                 push += axle.share * (1.0 - np.tanh(turning)) * direction
     for push in pushes:
         push -= sine

@@ -9,7 +9,7 @@
 
 #include <stdint.h>
 
-#define ROVER_INTERFACE 1
+#define ROVER_INTERFACE 2
 
 /* Loops that gain from wider vectors are compiled several times: for every machine, and for those with AVX2 or
  * AVX-512. Neither multiplications and additions are fused nor sums reordered: the bits are the same with all. */
@@ -41,14 +41,15 @@ enum { ROVER_SPEEDS = 16 }; /* and speed laws for so many speeds */
 enum { FRONT, REAR, REAR_IN_RUT, AXLES };
 enum { LEVEL, TRAVEL, RELEASE, RUT, STALL, PARTS };
 
-/* phi(s) = adhesion + plateau J(s / (slip_scale f)) + linear clip(s, -0.5, 1), f = (load / 275 kg)^-load_exponent */
+/* phi(s) = [adhesion + plateau J(s / (slip_scale f)) + linear clip(s, -0.5, 1)] [1 - backing_loss S((s - 1) / backing_slip)],
+ * f = (load / 275 kg)^-load_exponent, S from 0 at 0 to 1 at 1 */
 typedef struct {
-    double adhesion, plateau, slip_scale, load_exponent, linear;
+    double adhesion, plateau, slip_scale, load_exponent, linear, backing_loss, backing_slip;
 } rover_curve;
 
 /* Where the weight is, see rover_axle_shares */
 typedef struct {
-    double wheelbase_m, centre_ahead_m, centre_height_m, height_rise_m, unladen_mass_kg;
+    double wheelbase_m, centre_ahead_m, centre_height_m, height_rise_m, unladen_mass_kg, share_shift;
 } rover_body;
 
 /* Of the stall gate; names as in hyperparameters.py */

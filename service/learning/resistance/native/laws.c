@@ -35,7 +35,10 @@ ROVER_INLINE double held(double value, double lowest, double highest)
 ROVER_INLINE double phi(const rover_curve *curve, double slip, double per_scale)
 {
     double along = curve->linear * held(slip, -0.5, 1.0);
-    return curve->plateau * mean_shear(slip * per_scale) + curve->adhesion + along;
+    double whole = curve->plateau * mean_shear(slip * per_scale) + curve->adhesion + along;
+    /* a wheel that turns uphill while the rover slides back loses some of it */
+    double back = held((slip - 1.0) / curve->backing_slip, 0.0, 1.0);
+    return whole * (1.0 - curve->backing_loss * (back * back * (3.0 - 2.0 * back)));
 }
 
 /* 1 / (slip_scale f(load)); with an exponent of zero the load does not matter */
@@ -58,14 +61,15 @@ void rover_mean_shear(int64_t count, const double *deformation, double *mean)
         mean[i] = mean_shear(deformation[i]);
 }
 
-/* n_f = (L_r cos th - h sin th)/L and n_r = cos th - n_f, with the centre of mass rising with the load */
+/* n_f = (L_r cos th - h sin th)/L - d cos th and n_r = cos th - n_f, with the centre of mass rising with the load */
 void rover_axle_shares(const rover_body *body, double angle_rad, double mass_kg, double *front, double *rear)
 {
     double payload = (mass_kg - body->unladen_mass_kg) / body->unladen_mass_kg;
     double height = body->centre_height_m + body->height_rise_m * payload;
     double cosine = cos(angle_rad);
     double moment = body->centre_ahead_m * cosine - height * sin(angle_rad);
-    *front = held(moment / body->wheelbase_m, least_share * cosine, (1.0 - least_share) * cosine);
+    double share = moment / body->wheelbase_m - body->share_shift * cosine;
+    *front = held(share, least_share * cosine, (1.0 - least_share) * cosine);
     *rear = cosine - *front;
 }
 
@@ -148,10 +152,11 @@ ROVER_INLINE double one_minus_tanh(double angle)
     return 2.0 / (1.0 + rover_exp(2.0 * angle));
 }
 
-/* Adds to an axle's torques what turns the resistance of standing wheels around where the motors cannot climb */
+/* Adds to an axle's torques what turns the resistance around where the rover slides back; with a wheel speed only that
+ * of wheels that hardly turn */
 ROVER_INLINE void stick(const rover_law *law, double share, const double *speed, const double *rim, double *torque)
 {
-    const double per_wheel = 1.0 / law->laws->sticking_wheel_m_s, per_speed = 1.0 / law->laws->sticking_speed_m_s;
+    const double wheel = law->laws->sticking_wheel_m_s, per_wheel = wheel > 0.0 ? 1.0 / wheel : 0.0, per_speed = 1.0 / law->laws->sticking_speed_m_s;
     for (int i = 0; i < ROVER_SPEEDS; i++) {
         double turning = rim[i] * per_wheel;
         double direction = law->stuck * one_minus_tanh(speed[i] * per_speed);
