@@ -39,10 +39,17 @@ class OperatedService:
         command = [sys.executable, "-m", "service", "serve", "--port", str(self.port), "--store", str(self.store)]
         with self.log.open("a") as sink:
             self.process = subprocess.Popen(command, cwd=REPOSITORY, env=kept | settings, stdout=sink, stderr=sink)
+        try:
+            self._wait_ready(self.process)
+        except BaseException:
+            self.stop()  # whoever asked for it never gets to
+            raise
+
+    def _wait_ready(self, process: subprocess.Popen[bytes]) -> None:
         deadline = time.monotonic() + START_S
         with RoverTwin(self.url) as twin:
             while not self._is_ready(twin):
-                assert self.process.poll() is None, self.log.read_text()[-3000:]
+                assert process.poll() is None, self.log.read_text()[-3000:]
                 assert time.monotonic() < deadline, self.log.read_text()[-3000:]
                 time.sleep(0.1)
 
