@@ -51,6 +51,7 @@ from service.cpu import available_cpus, limit_torch_threads
 from service.jobs.queue import JobQueue
 from service.jobs.supervisor import WorkerSupervisor
 from service.log import configure_logging
+from service.memory import give_back, limit_arenas
 from service.processes import run_processes
 from service.settings import Settings
 from service.twin import CountedTwin, Twin, TwinRegistry
@@ -88,6 +89,7 @@ def create_app(
         capacity=settings.max_resident_versions,
         refresh_s=settings.refresh_s,
         prepare=prepare,
+        released=give_back,
     )
     state = lifecycle or Lifecycle()
     jobs = JobQueue.open(settings.jobs_url(), settings.max_queued_jobs) if settings.admin_token else None
@@ -241,6 +243,7 @@ def run_process(index: int, descriptor: int, folder: str) -> None:
 def _serve(
     settings: Settings, instruments: Instruments | None = None, sockets: list[socket.socket] | None = None
 ) -> None:
+    limit_arenas()
     configure_logging(settings.log_level, settings.log_format)
     lifecycle = Lifecycle()
     config = server_config(create_app(settings, lifecycle, instruments), settings)

@@ -46,7 +46,7 @@ class TwinRegistry:
 
     `refresh_s` is how often followed aliases are looked up in the store. A twin predicts once before it is handed out,
     so that no request waits for what only a first prediction needs; before that, `prepare` may put another in its
-    place.
+    place. `released` is called when versions were dropped.
     """
 
     def __init__(
@@ -57,12 +57,14 @@ class TwinRegistry:
         capacity: int = 4,
         refresh_s: float = 0.5,
         prepare: Callable[[Twin], Twin] = lambda twin: twin,
+        released: Callable[[], None] = lambda: None,
     ) -> None:
         self._store = store
         self._default = _canonical(default_reference)
         self._capacity = max(1, capacity)
         self._refresh_s = refresh_s
         self._prepare = prepare
+        self._released = released
         self._lock = threading.Lock()
         self._loading = threading.Lock()  # one load at a time: a load takes memory and cores
         self._twins: OrderedDict[tuple[str, int], Twin] = OrderedDict()  # least recently used first
@@ -121,6 +123,7 @@ class TwinRegistry:
             for place in [place for place in self._twins if place[0] == name]:
                 if default is None or place != (default.name, default.version):
                     del self._twins[place]
+        self._released()
 
     def status(self) -> RegistryStatus:
         """What is resident and what fails."""
@@ -191,8 +194,12 @@ class TwinRegistry:
                     twin = self._prepare(load_twin(self._store, *place))
                     _warm_up(twin)
                 with self._lock:
+                    before = len(self._twins)
                     self._twins[place] = twin
                     self._drop_least_used(keep=place)
+                    dropped = len(self._twins) <= before
+                if dropped:
+                    self._released()
         return twin
 
     def _resident(self, place: tuple[str, int]) -> Twin | None:

@@ -283,3 +283,17 @@ def test_the_default_version_is_not_unloaded(store):
         registry.get("unit@2")
         registry.unload("unit")
         assert registry.status().resident == ("unit@1",)
+
+
+def test_dropped_versions_are_told_of_and_loads_that_drop_none_are_not(store):
+    versions = [publish(store).version for _ in range(3)]
+    told = []
+    registry = TwinRegistry(store, f"unit@{versions[0]}", capacity=2, released=lambda: told.append(True))
+
+    registry.get(f"unit@{versions[0]}")
+    registry.get(f"unit@{versions[1]}")
+    assert told == []
+    registry.get(f"unit@{versions[2]}")
+    assert told == [True]
+    registry.unload("unit")
+    assert told == [True, True]
