@@ -10,12 +10,12 @@ import ctypes
 import sys
 
 _M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8  # of malloc.h
-_ARENAS = 2  # the usual one, and one for threads that come while it is in use
+_ARENAS = 1  # threads seldom allocate at once: nearly all of it happens under the interpreter lock
 _OWN_PAGES_BYTES = 1 << 20  # blocks from there on have pages of their own, which go back at once
 
 
 def limit_arenas() -> None:
-    """Let all threads share few arenas, and large blocks have none. Call it before there are threads."""
+    """Let all threads share one arena, and large blocks have none. Call it before there are threads."""
     if (library := _library()) is not None and hasattr(library, "mallopt"):
         library.mallopt(_M_ARENA_MAX, _ARENAS)
         library.mallopt(_M_MMAP_THRESHOLD, _OWN_PAGES_BYTES)
