@@ -1,8 +1,8 @@
 """A short way for the requests that come by the thousand.
 
-FastAPI works out the dependencies of a route anew for each request and passes it through seven layers and one address
-after the other: that takes ten times as long as the arithmetic. An *express* route reads its input itself. It stands in
-the OpenAPI document like any other and can be reached like any other; `Application` only finds it first.
+FastAPI works out the dependencies of a route anew for each request and passes it through its layers and one address
+after the other: that takes longer than the arithmetic. An *express* route reads its input itself. It stands in the
+OpenAPI document like any other and can be reached like any other; `Application` only finds it first.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ def _write(method: str, route: str, status: int, seconds: float, name: str) -> N
     if _log.isEnabledFor(level):
         duration_ms = round(seconds * 1000, 2)
         said = {"method": method, "route": route, "status": status, "duration_ms": duration_ms, "request_id": name}
-        # made by hand: `log` would look for the calling line first, which takes as long as the rest
+        # made by hand: `log` looks for the calling line first, which takes as long as all else here
         _log.handle(logging.LogRecord(REQUESTS, level, __file__, 0, said, None, None))
 
 

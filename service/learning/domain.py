@@ -117,7 +117,6 @@ class Domain:
     rover: RoverParameters
     regolith: RegolithParameters
     neighbourhood: Neighbourhood | None = None
-    _ordered: tuple[tuple[float, float], ...] = field(init=False, repr=False, compare=False)
     _bounds: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -127,9 +126,7 @@ class Domain:
             lowest, highest = self.spans[name]
             if not (np.isfinite(lowest) and np.isfinite(highest) and lowest <= highest):
                 raise ValueError(f"the domain's {name} is {lowest} to {highest}")
-        ordered = tuple((float(lowest), float(highest)) for lowest, highest in (self.spans[name] for name in FIELDS))
-        object.__setattr__(self, "_ordered", ordered)
-        object.__setattr__(self, "_bounds", np.array(ordered).T)
+        object.__setattr__(self, "_bounds", np.array([self.spans[name] for name in FIELDS], dtype=np.float64).T)
 
     @classmethod
     def of_runs(
@@ -166,9 +163,9 @@ class Domain:
     def _reasons(self, values: Sequence[float]) -> tuple[DomainReason, ...]:
         """What is outside by itself; `values` are in the order of FIELDS."""
         return tuple(
-            DomainReason(name, value, *span)
-            for name, value, span in zip(FIELDS, values, self._ordered, strict=True)
-            if not span[0] <= value <= span[1]
+            DomainReason(name, value, *self.spans[name])
+            for name, value in zip(FIELDS, values, strict=True)
+            if not self.spans[name][0] <= value <= self.spans[name][1]
         )
 
     def judge_many(self, slope_deg: Array, mass_kg: Array, torque_nm: Array, horizon_s: Array) -> DomainVerdicts:

@@ -116,10 +116,6 @@ class Neighbourhood:
         """Distance of each scenario to each run, shape (scenario, run)."""
         return np.asarray(np.linalg.norm(self.coordinates(scenarios)[:, None] - self.places, axis=2), dtype=np.float64)
 
-    def nearest(self, scenario: Scenarios, count: int = NEAREST) -> tuple[NearestRun, ...]:
-        """The runs nearest to one scenario, nearest first."""
-        return self.nearest_runs(*(each[0] for each in self.nearest_many(self.coordinates(scenario), count)))
-
     def nearest_to(self, place: Array) -> tuple[NearestRun, ...]:
         """The runs nearest to one place of shape (3,), nearest first."""
         gaps = self.places - place

@@ -11,7 +11,6 @@ from anyio.from_thread import start_blocking_portal
 
 import model_store
 from service.api import predictions
-from service.api.express import ExpressRoute
 from service.app import create_app
 from service.settings import Settings
 
@@ -119,7 +118,6 @@ def test_both_ways_answer_the_same(asked, case):
 def test_the_short_way_is_taken(asked, monkeypatch):
     """Otherwise the test above compares the long way with itself."""
     method, path, content = CASES["plain"]
-    monkeypatch.setattr(ExpressRoute, "get_route_handler", None)
     handled = []
     monkeypatch.setattr("starlette.middleware.exceptions.ExceptionMiddleware.__call__", noting(handled))
 

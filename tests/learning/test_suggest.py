@@ -65,7 +65,7 @@ def test_a_batch_keeps_the_laws(seed, count, asked, error_m):
             round(each.torque_nm, 1),
         )
         assert each.horizon_s == 10.0
-        nearest = known.nearest(scenario, 1)[0]
+        nearest = known.nearest_to(known.coordinates(scenario)[0])[0]
         assert each.nearest_run == nearest.run
         assert each.distance == pytest.approx(nearest.distance, abs=1e-6)
         assert each.distance >= SMALLEST_DISTANCE
