@@ -23,30 +23,30 @@ from fastapi import FastAPI
 
 import service
 from model_store import ModelStore
-from service.api import (
+from service.api import health, metrics
+from service.api.admin import AdminGate
+from service.api.http import docs
+from service.api.http.body_limit import BodyLimit
+from service.api.http.errors import ErrorAnswers
+from service.api.http.instruments import Instruments
+from service.api.http.lanes import Application, lanes_of
+from service.api.http.openapi import document_of
+from service.api.http.request_log import RequestLog
+from service.api.http.upload_body import remove_forgotten_uploads
+from service.api.http.worker_threads import Line
+from service.api.services import Lifecycle, LifespanState, Services
+from service.api.v1 import (
     aliases,
     batch,
     datasets,
-    docs,
-    errors,
-    health,
-    metrics,
     mobility,
     models,
     predictions,
     suggested_runs,
     training_jobs,
 )
-from service.api.admin import AdminGate
-from service.api.body_limit import BodyLimit
-from service.api.execution import Line
-from service.api.express import Application, lanes_of
-from service.api.inference import routes as inference
-from service.api.instruments import Instruments
-from service.api.openapi import document_of
-from service.api.request_log import RequestLog
-from service.api.services import Lifecycle, LifespanState, Services
-from service.api.upload_body import remove_forgotten_uploads
+from service.api.v2 import routes as inference
+from service.api.v2.failures import PREFIX, failure
 from service.cpu import available_cpus, limit_torch_threads
 from service.jobs.queue import JobQueue
 from service.jobs.supervisor import WorkerSupervisor
@@ -155,12 +155,14 @@ def _assemble(
         ("POST", datasets.router.prefix): max_upload_bytes,
         ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, max_body_bytes),
     }
-    logged, bounded = partial(RequestLog, instruments=instruments), partial(BodyLimit, limit_bytes=max_body_bytes)
-    app.add_middleware(BodyLimit, limit_bytes=max_body_bytes, larger=larger)
-    app.add_middleware(AdminGate)
-    app.add_middleware(RequestLog, instruments=instruments)  # added last, so outermost
+    answer_to = ErrorAnswers({PREFIX: failure})
+    logged = partial(RequestLog, instruments=instruments, answer_to=answer_to)
+    bounded = partial(BodyLimit, limit_bytes=max_body_bytes, answer_to=answer_to)
+    app.add_middleware(BodyLimit, limit_bytes=max_body_bytes, answer_to=answer_to, larger=larger)
+    app.add_middleware(AdminGate, answer_to=answer_to)
+    app.add_middleware(RequestLog, instruments=instruments, answer_to=answer_to)  # added last, so outermost
     app.open_lanes([*lanes_of(predictions.router), *lanes_of(inference.router)], [logged, bounded])
-    errors.install(app)
+    answer_to.install(app)
     app.include_router(predictions.router)  # first, for a request is compared with one address after the other
     app.include_router(batch.router)
     docs.install(app)

@@ -1,4 +1,4 @@
-"""Every error that our own code raises on purpose. No status codes here: `api/errors.py` maps them.
+"""Every error that our own code raises on purpose. No status codes here: `api/http/errors.py` maps them.
 
     RoverTwinError
     ├── InvalidValueError     a value outside its allowed range (also ValueError); names field, value, allowed

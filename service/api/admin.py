@@ -16,17 +16,11 @@ from pydantic.json_schema import SkipJsonSchema
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from service.api.errors import (
-    AdminOffError,
-    InvalidInputError,
-    UnauthorizedError,
-    answer_to,
-    own_path,
-)
-from service.api.input_faults import fault, faults_of
-from service.api.json_body import require_unique
-from service.api.problems import Slug
+from service.api.http.errors import ErrorAnswers, own_path
+from service.api.http.exceptions import AdminOffError, UnauthorizedError
+from service.api.http.problems import Slug
 from service.api.services import Services, services_of
+from service.wire.faults import InvalidInputError, fault, faults_of, require_unique
 
 ACTOR_HEADER = "X-Actor"
 ADMIN = "admin"
@@ -92,8 +86,9 @@ Admin = Annotated[str, Depends(require_admin)]
 class AdminGate:
     """ASGI middleware: under `/v1/admin` nothing is told without the token, not even which addresses there are."""
 
-    def __init__(self, app: ASGIApp) -> None:
+    def __init__(self, app: ASGIApp, answer_to: ErrorAnswers) -> None:
         self.app = app
+        self.answer_to = answer_to
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
@@ -102,7 +97,7 @@ class AdminGate:
             try:
                 check_token(scope["state"]["services"], Headers(scope=scope))
             except (AdminOffError, UnauthorizedError) as error:
-                await answer_to(error, path)(scope, receive, send)
+                await self.answer_to(error, path)(scope, receive, send)
                 return
         await self.app(scope, receive, send)
 
@@ -135,6 +130,6 @@ def admin_route(allowed: Mapping[str, str]) -> type[APIRoute]:
 
 
 def _is_no_object(error: RequestValidationError) -> bool:
-    """Whether the body cannot be read at all; `service.api.errors` has the words for that."""
+    """Whether the body cannot be read at all; `service.api.http.errors` has the words for that."""
     first = error.errors()[0]
     return first["type"] == "json_invalid" or (first["type"], first["loc"]) == ("missing", ("body",))

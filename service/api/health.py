@@ -2,20 +2,53 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from fastapi import APIRouter
+from pydantic import BaseModel
 
 from model_store import StoreError
-from service.api.answers import LiveAnswer, LoadFailure, ModelIdentity, Probe, ReadyAnswer
-from service.api.errors import NotReadyError
-from service.api.execution import OverloadedError
-from service.api.openapi import problem_responses
-from service.api.problems import Slug
+from service.api.http.exceptions import NotReadyError
+from service.api.http.openapi import problem_responses
+from service.api.http.problems import Slug
+from service.api.http.worker_threads import OverloadedError
 from service.api.services import Parts, Services
 from service.errors import RoverTwinError
 from service.twin import Loaded
 from service.twin.probe import probe
+from service.wire.prediction_answer import ModelIdentity
 
 PROBE_TIMEOUT_S = 3.0
+
+
+class LiveAnswer(BaseModel):
+    """The process answers."""
+
+    status: Literal["alive"] = "alive"
+
+
+class Probe(BaseModel):
+    """The prediction that proved readiness."""
+
+    final_x_m: float
+    compute_ms: float
+
+
+class LoadFailure(BaseModel):
+    """A model reference that cannot be loaded or brought up to date."""
+
+    reference: str
+    message: str
+
+
+class ReadyAnswer(BaseModel):
+    """The default model has just made a prediction."""
+
+    status: Literal["ready"] = "ready"
+    model: ModelIdentity
+    probe: Probe
+    failures: list[LoadFailure]
+
 
 router = APIRouter(prefix="/health", tags=["health"])
 

@@ -9,9 +9,9 @@ from fastapi import APIRouter, Request, Response
 from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from service.api.execution import OverloadedError
-from service.api.instruments import PREFIX
-from service.api.openapi import problem_responses
+from service.api.http.instruments import PREFIX
+from service.api.http.openapi import problem_responses
+from service.api.http.worker_threads import OverloadedError
 from service.api.services import Parts, Services
 from service.errors import JobsUnavailableError
 

@@ -9,9 +9,9 @@ import anyio
 from fastapi import Depends, Request
 
 from model_store import ModelStore
-from service.api.event_stream import MOST_LISTENERS
-from service.api.execution import Line
-from service.api.instruments import Instruments
+from service.api.http.event_stream import MOST_LISTENERS
+from service.api.http.instruments import Instruments
+from service.api.http.worker_threads import Line
 from service.jobs.queue import JobQueue
 from service.jobs.supervisor import WorkerSupervisor
 from service.settings import Settings

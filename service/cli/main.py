@@ -12,7 +12,7 @@ import typer
 from typer.main import get_command
 
 import service
-from service.cli import (
+from service.cli.commands import (
     datasets,
     evaluate,
     jobs,

@@ -14,20 +14,25 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from service.datasets.column_map import PRESETS, ColumnMap
 from service.datasets.columns import COLUMNS, Column
 from service.datasets.digest import dataset_id
 from service.datasets.findings import Code, Finding, Severity, UnusableFileError
 from service.datasets.passport import Passport, parse_passport
+from service.datasets.readers.column_map import PRESETS, ColumnMap
 from service.datasets.report import RejectedDatasetError, ValidationReport
 from service.datasets.run import Dataset, Run
 from service.datasets.summary import DatasetSummary, summarise
 
 if TYPE_CHECKING:
-    from service.datasets.folder import read_folder
     from service.datasets.parquet import read_parquet, to_parquet, write_parquet
+    from service.datasets.readers.folder import read_folder
 
-_FILES = {"read_folder": "folder", "read_parquet": "parquet", "to_parquet": "parquet", "write_parquet": "parquet"}
+_FILES = {
+    "read_folder": "readers.folder",
+    "read_parquet": "parquet",
+    "to_parquet": "parquet",
+    "write_parquet": "parquet",
+}
 
 __all__ = [
     "COLUMNS",

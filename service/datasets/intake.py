@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-from service.datasets.candidate import Array, Candidate
-from service.datasets.chrono_text import TextTable
-from service.datasets.column_map import ColumnMap, resolve
+from service.datasets.checks.candidate import Array, Candidate
+from service.datasets.checks.validate import check_duplicates, check_run
 from service.datasets.findings import Code, Finding, UnusableFileError, reject
 from service.datasets.passport import Passport
+from service.datasets.readers.chrono_text import TextTable
+from service.datasets.readers.column_map import ColumnMap, resolve
 from service.datasets.report import RejectedDatasetError, ValidationReport, make_report
 from service.datasets.run import Dataset, Run
 from service.datasets.run_table import RunEntry
 from service.datasets.summary import summarise
-from service.datasets.validate import check_duplicates, check_run
 
 MAX_TOTAL_ROWS = 20_000_000
 Progress = Callable[[int, int, str], None]

@@ -19,8 +19,8 @@ from dbos import DBOSClient, DBOSPortableJSONSerializer, EnqueueOptions, Workflo
 from dbos import error as dbos_errors
 
 from service.errors import JobsUnavailableError, QueueFullError
+from service.jobs.failure import JobFailedError
 from service.jobs.job import APPLICATION, APPLICATION_VERSION, EVENTS, QUEUE, STATUS, WORKFLOW
-from service.jobs.job_failure import JobFailedError
 
 _CONNECT_S = 3
 _POOL = 8

@@ -24,9 +24,9 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 import model_store
 from model_store import ModelStore, StoreError
 from service.datasets import RejectedDatasetError, ValidationReport
-from service.datasets.upload_form import UploadForm, UploadLimits
+from service.datasets.uploads.upload_form import UploadForm, UploadLimits
 from service.errors import DatasetError, InvalidValueError
-from service.jobs.stored_dataset import UploadResult
+from service.training.stored_dataset import UploadResult
 
 NICENESS = 10
 # with this process's own import path: a checkout that is not installed works too
@@ -155,7 +155,7 @@ def _store_error(answer: _Answer) -> StoreError:
 
 def _serve(data: bytes) -> _Answer:
     # here, for the parent has no need of its libraries; and before the bounds, which count from what is loaded
-    from service.jobs.dataset_import import import_upload  # noqa: PLC0415
+    from service.training.dataset_import import import_upload  # noqa: PLC0415
 
     request = _Request.model_validate_json(data)
     _restrain(request.limits)

@@ -17,7 +17,7 @@ from pydantic import BaseModel
 
 from model_store import CorruptArtefactError, ModelStore, StoreError
 from service.errors import DatasetError
-from service.jobs.stored_dataset import RUNS_FILE
+from service.training.stored_dataset import RUNS_FILE
 
 NICENESS = 10
 WALL_S = 60
@@ -54,7 +54,7 @@ def main() -> None:
     """Read one request, write one figure."""
     # here, for the parent has no need of the libraries that read and draw
     from service.datasets import read_parquet  # noqa: PLC0415
-    from service.jobs.dataset_figure import preview  # noqa: PLC0415
+    from service.training.dataset_figure import preview  # noqa: PLC0415
 
     request = _Request.model_validate_json(sys.stdin.buffer.read())
     os.nice(NICENESS)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Self
 
 from service.errors import IdempotencyKeyError, JobNotFoundError, JobStateError, JobsUnavailableError
 from service.jobs.job import ENDED, JobEvent, JobState, TrainingJob
-from service.jobs.job_record import STATUSES, event_of, final_event, first_event, job_of, moment, submitted_ms
+from service.jobs.record import STATUSES, event_of, final_event, first_event, job_of, moment, submitted_ms
 from service.jobs.request import TrainingJobRequest
 
 if TYPE_CHECKING:

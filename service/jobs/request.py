@@ -12,9 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_vali
 from model_store import DatasetRecord, ModelStore
 from service.datasets.passport import Passport, parse_passport
 from service.errors import DatasetError, InvalidValueError, TrainingError
-from service.jobs.stored_dataset import RUNS_FILE
-from service.jobs.training_config import ArchitectureName, InputName, PriorName, TrainingConfig, XForm
-from service.learning.fit_config import FitConfig
+from service.learning.network.fit_config import FitConfig
+from service.training.config import ArchitectureName, InputName, PriorName, TrainingConfig, XForm
+from service.training.stored_dataset import RUNS_FILE
 
 if TYPE_CHECKING:
     from service.datasets.run_labels import RunLabel
@@ -123,7 +123,7 @@ def check_request(store: ModelStore, request: TrainingJobRequest) -> TrainingJob
 
 
 def _require_agreement(store: ModelStore, records: Sequence[DatasetRecord]) -> None:
-    from service.jobs.training_data import require_same_simulation  # noqa: PLC0415 - brings pyarrow, slow to import
+    from service.training.data import require_same_simulation  # noqa: PLC0415 - brings pyarrow, slow to import
 
     try:
         passports = [(record.name, _passport(store, record)) for record in records]

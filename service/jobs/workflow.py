@@ -21,17 +21,17 @@ from dbos import error as dbos_errors
 
 from model_store import CorruptArtefactError, FileEntry, ModelStore, StoreError, StoreUnavailableError
 from service.errors import JobsUnavailableError
-from service.jobs.chunked_fit import ChunkedFit
 from service.jobs.database import JobsDatabase
+from service.jobs.events import JobReport
+from service.jobs.failure import JobFailedError, failure_of, worker_lost
 from service.jobs.job import WORKFLOW, JobFailure, JobProgress, JobResult
-from service.jobs.job_failure import JobFailedError, failure_of, worker_lost
-from service.jobs.job_report import JobReport
-from service.jobs.promotion import CANDIDATE, CHAMPION, JobVersion, describe_move, judge, move_candidate
 from service.jobs.request import TrainingJobRequest
-from service.jobs.train import Prepared, Trained, evaluate_fitted, prepare, publish_trained
 from service.learning.evaluate import summarise
-from service.learning.fit import FitProgress
-from service.learning.fit_state import FitState
+from service.learning.network.fit import FitProgress
+from service.learning.network.fit_state import FitState
+from service.training.chunked_fit import ChunkedFit
+from service.training.promotion import CANDIDATE, CHAMPION, JobVersion, describe_move, judge, move_candidate
+from service.training.train import Prepared, Trained, evaluate_fitted, prepare, publish_trained
 
 CHUNK_S = 3.0
 _WATCH_S = 1.0

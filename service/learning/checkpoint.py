@@ -35,7 +35,7 @@ def describe_model(model: TrajectoryModel) -> dict[str, Any]:
     if isinstance(model, ResistanceProcess):
         architecture, inputs = {"name": RESISTANCE_PROCESS, "arguments": model.describe()}, _RESISTANCE_INPUTS
     else:
-        from service.learning.network_checkpoint import describe_network  # noqa: PLC0415 - brings torch
+        from service.learning.network.checkpoint import describe_network  # noqa: PLC0415 - brings torch
 
         architecture, inputs = describe_network(model)
     return {
@@ -50,7 +50,7 @@ def weights_bytes(model: TrajectoryModel) -> bytes:
     """The model's learned numbers as a safetensors file, little-endian. Raises TypeError as `describe_model` does."""
     if isinstance(model, ResistanceProcess):
         return safetensors.numpy.save({name: np.ascontiguousarray(array) for name, array in model.tensors().items()})
-    from service.learning.network_checkpoint import network_bytes  # noqa: PLC0415 - brings torch
+    from service.learning.network.checkpoint import network_bytes  # noqa: PLC0415 - brings torch
 
     return network_bytes(model)
 
@@ -68,7 +68,7 @@ def restore_model(description: Mapping[str, Any], weights: bytes) -> TrajectoryM
         if description["architecture"]["name"] == RESISTANCE_PROCESS:
             arrays = read_weights(safetensors.numpy.load, weights)
             return ResistanceProcess.restore(description["architecture"]["arguments"], arrays, prior)
-        from service.learning.network_checkpoint import restore_network  # noqa: PLC0415 - brings torch
+        from service.learning.network.checkpoint import restore_network  # noqa: PLC0415 - brings torch
 
         return restore_network(description, prior, weights)
     except (KeyError, TypeError, ValueError) as error:

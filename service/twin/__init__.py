@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from service.twin.batch import PredictionBatch, sample_grid
 from service.twin.counted import CountedTwin
-from service.twin.prediction import Frame, NonFiniteError, Prediction, PredictionBand
+from service.twin.prediction import Frame, NonFiniteError, OutsideDomainError, Prediction, PredictionBand
 from service.twin.registry import Loaded, RegistryStatus, TwinRegistry
 from service.twin.scenario import Scenario, sample_times
 from service.twin.summary import Outcome, Summaries, Summary
@@ -16,6 +16,7 @@ __all__ = [
     "Loaded",
     "NonFiniteError",
     "Outcome",
+    "OutsideDomainError",
     "Prediction",
     "PredictionBand",
     "PredictionBatch",

@@ -24,6 +24,15 @@ class NonFiniteError(RoverTwinError):
     """The model gave NaN or infinity for a scenario; such an answer is never handed out."""
 
 
+class OutsideDomainError(RoverTwinError):
+    """A strict request is outside the domain of the model that would answer."""
+
+    def __init__(self, model: str, verdict: DomainVerdict) -> None:
+        self.verdict = verdict
+        reasons = "; ".join(reason.detail for reason in verdict.reasons)
+        super().__init__(f"the scenario is outside the domain of {model}: {reasons}")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictionBand:
     """Where the truth lies with probability `level` at each time, pointwise; slope frame, m.

@@ -23,9 +23,9 @@ from service.api.services import Lifecycle
 from service.app import Server, create_app, server_config
 from service.learning.checkpoint import WEIGHTS_FILE, describe_model, weights_bytes
 from service.learning.domain import Domain
-from service.learning.inputs import InputSignature
-from service.learning.model import PhysicsInformedModel
-from service.learning.residuals import make_residual
+from service.learning.network.inputs import InputSignature
+from service.learning.network.model import PhysicsInformedModel
+from service.learning.network.residuals import make_residual
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.priors import make_prior
 from service.physics.scenario import Scenarios

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.api.test_body_limit import exchange
+from tests.api.http.test_body_limit import exchange
 
 ROUTES = [
     ("GET", "/v1/admin/datasets"),

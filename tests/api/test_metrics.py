@@ -11,7 +11,7 @@ import pytest
 from prometheus_client.openmetrics.parser import text_string_to_metric_families as openmetrics_families
 from prometheus_client.parser import text_string_to_metric_families
 
-from service.api.instruments import Instruments
+from service.api.http.instruments import Instruments
 from service.twin import Outcome
 
 PAGE = Path(__file__).parent.parent.parent / "docs" / "metrics.md"

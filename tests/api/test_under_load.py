@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import httpx
 import pytest
 
-from tests.jobs.fair_clock import fair_clock
+from tests.fair_clock import fair_clock
 
 
 @pytest.fixture

@@ -14,9 +14,9 @@ import httpx
 from model_store import DatasetDraft, ModelStore
 from service.datasets import Dataset, dataset_id, parse_passport, to_parquet
 from service.datasets.summary import summarise
-from service.jobs.dataset_import import PASSPORT_FILE, RUNS_FILE
+from service.training.dataset_import import PASSPORT_FILE, RUNS_FILE
 from tests.api.conftest import Running, move_alias, publish_version, serving
-from tests.jobs.conftest import PASSPORT, stored_runs
+from tests.training.stored import PASSPORT, stored_runs
 
 ADDRESS = "/v1/admin/training-jobs"
 TOKEN = "the-token-of-these-tests"

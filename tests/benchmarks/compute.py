@@ -54,10 +54,10 @@ def times_ms(calls: Callable[[int], object], repeats: int) -> list[float]:
 def main() -> None:
     """Measure and print."""
     from model_store import ModelStore
-    from service.api.encoders import ENCODERS, Format, Subject
     from service.settings import load_settings
     from service.twin import Loaded, Scenario, sample_times
     from service.twin.load import load_twin
+    from service.wire.forms import ENCODERS, Format, Subject
     from tests.learning.resistance import reference
 
     repeats = int(sys.argv[1])

@@ -10,7 +10,6 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import cho_solve
 
 from model_store import ModelStore
-from service.jobs.training_data import TrainingData, load_training_data
 from service.learning.band import Band
 from service.learning.domain import Domain
 from service.learning.observed import ObservedRun, scenarios_of
@@ -21,6 +20,7 @@ from service.learning.resistance.model import ResistanceProcess
 from service.physics.priors import make_prior
 from service.physics.scenario import Array
 from service.settings import load_settings
+from service.training.data import TrainingData, load_training_data
 from service.twin.summary import LAST_PART, Outcome, outcome_of
 
 # Known of the simulations: runs 0.02 deg apart end so far apart (m) with the effect of the slope removed.

@@ -8,7 +8,7 @@ import pytest
 
 from service.cli.failures import ExitCode
 from tests.cli.conftest import call
-from tests.jobs.test_reproduce import SETS, paper_store
+from tests.training.test_reproduce import SETS, paper_store
 
 FIGURES = ("figure_2_positions", "figure_3_distance", "error_against_time", "figure_4_double_mass")
 

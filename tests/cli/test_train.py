@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.main import get_command
 
-from service.cli.command_line import command_line
+from service.cli.actions.command_line import command_line
 from service.cli.failures import ExitCode
 from service.cli.main import app
-from service.jobs.training_config import TrainingConfig
-from service.learning.fit_config import FitConfig
+from service.learning.network.fit_config import FitConfig
+from service.training.config import TrainingConfig
 from tests.cli.conftest import TRAIN, call, start
 
 _BASE = ("train", "--dataset", "small", "--model", "rover")

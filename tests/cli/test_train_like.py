@@ -7,8 +7,8 @@ import json
 import pytest
 
 from model_store import Lineage, ManifestDraft, ModelStore
+from service.cli.actions.retraining import config_like, likeness
 from service.cli.failures import ExitCode
-from service.cli.retraining import config_like, likeness
 from tests.cli.conftest import call
 
 AGAIN = ("--no-publish", "--threads", "1")

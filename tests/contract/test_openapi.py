@@ -9,9 +9,9 @@ import json
 import os
 from pathlib import Path
 
-from service.api.inputs import PredictionInputs
-from service.api.problems import PROBLEMS
+from service.api.http.problems import PROBLEMS
 from service.app import openapi_document
+from service.wire.prediction import PredictionInputs
 
 SNAPSHOT = Path(__file__).with_name("openapi.json")
 
@@ -40,7 +40,7 @@ def test_every_number_has_its_range_unit_and_example():
 def test_every_route_declares_its_problems_and_every_problem_is_declared_somewhere():
     declared = set()
     for path, operations in openapi_document()["paths"].items():
-        if path.startswith("/v2"):  # the protocol has an error form of its own: tests/api/test_inference_wire.py
+        if path.startswith("/v2"):  # the protocol has an error form of its own: tests/api/v2/test_inference_wire.py
             continue
         for operation in operations.values():
             failures = {status: each for status, each in operation["responses"].items() if status >= "4"}

@@ -7,9 +7,9 @@ from typing import Any
 
 from model_store import AliasNotFoundError, AliasRecord, CorruptArtefactError, ModelNotFoundError, StoreError
 from service.errors import JobNotFoundError
-from service.jobs.gate import compare
 from service.jobs.job import TrainingJob
-from service.jobs.stored_dataset import PASSPORT_FILE, RUNS_FILE
+from service.training.gate import compare
+from service.training.stored_dataset import PASSPORT_FILE, RUNS_FILE
 from tests.faults.crash_world import World
 from tests.jobs.nursery import until
 

@@ -19,8 +19,8 @@ from service.errors import JobsUnavailableError
 from service.jobs.job import TrainingJob
 from service.jobs.queue import JobQueue
 from tests.databases import Postgres
-from tests.jobs.conftest import put_dataset, stored_runs
 from tests.jobs.nursery import Nursery, WorkerProcess, until
+from tests.training.stored import put_dataset, stored_runs
 
 TOKEN = "a token of the crash table"
 HEADERS = {"Authorization": f"Bearer {TOKEN}"}

@@ -147,7 +147,8 @@ def _work(order: dict[str, Any]) -> None:
 
 def _tell_steps() -> None:
     """Each step says so when it really begins; what an earlier attempt has finished is not run again."""
-    from service.jobs import promotion, worker, workflow
+    from service.jobs import worker, workflow
+    from service.training import promotion
 
     def telling(work: Callable[..., Any], name: str) -> Callable[..., Any]:
         @functools.wraps(work)

@@ -10,11 +10,12 @@ import pytest
 
 from model_store import InvalidReferenceError, ModelStore
 from service.datasets import RejectedDatasetError
-from service.datasets.upload_form import UploadForm, UploadLimits
+from service.datasets.uploads.upload_form import UploadForm, UploadLimits
 from service.errors import DatasetError, InvalidValueError
-from service.jobs import dataset_import, import_process
-from service.jobs.dataset_import import RUNS_FILE, import_upload
+from service.jobs import import_process
 from service.jobs.import_process import ImportLimits, import_in_process
+from service.training import dataset_import
+from service.training.dataset_import import RUNS_FILE, import_upload
 from tests.datasets.conftest import chrono_text, motion
 from tests.datasets.hostile_files import SCENARIO, honest, zipped
 

@@ -22,8 +22,8 @@ from service.errors import (
 )
 from service.jobs.queue import JobQueue
 from service.jobs.request import Budget, SplitRequest, TrainingJobRequest, check_request
-from tests.jobs.conftest import put_dataset, stored_runs
-from tests.jobs.fair_clock import fair_clock
+from tests.fair_clock import fair_clock
+from tests.training.stored import put_dataset, stored_runs
 
 REQUEST = TrainingJobRequest(model="my-rover", datasets=("a" * 64,))
 

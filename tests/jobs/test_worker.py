@@ -14,11 +14,11 @@ from model_store import ModelNotFoundError, ModelStore
 from service.jobs.job import ALLOWED_MOVES
 from service.jobs.queue import JobQueue
 from service.jobs.request import Budget, SplitRequest, TrainingJobRequest, check_request
-from service.jobs.train import train_model
 from service.learning.checkpoint import weights_bytes
-from tests.jobs.conftest import put_dataset, stored_runs
-from tests.jobs.fair_clock import fair_clock
+from service.training.train import train_model
+from tests.fair_clock import fair_clock
 from tests.jobs.nursery import until
+from tests.training.stored import put_dataset, stored_runs
 
 KILLS = 4
 DEADLY = 5

@@ -10,9 +10,9 @@ import torch
 
 from service.errors import CheckpointError
 from service.learning.checkpoint import describe_model, restore_model, weights_bytes
-from service.learning.model import PhysicsInformedModel
+from service.learning.network.model import PhysicsInformedModel
 from service.physics.scenario import Scenarios
-from tests.learning.test_model import model
+from tests.learning.network.test_model import model
 
 TIME = np.linspace(0, 4, 50)
 ONE = Scenarios.of(12, 500, 70)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from service.learning.evaluate import PositionErrors, evaluate, summarise
-from service.learning.inputs import InputSignature
-from service.learning.model import PhysicsInformedModel
+from service.learning.network.inputs import InputSignature
+from service.learning.network.model import PhysicsInformedModel
+from service.learning.network.residuals import make_residual
 from service.learning.observed import ObservedRun
-from service.learning.residuals import make_residual
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.priors import make_prior
 from service.physics.scenario import Positions, Scenarios

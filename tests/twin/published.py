@@ -9,10 +9,10 @@ from model_store import WEIGHTS, Lineage, Manifest, ManifestDraft, ModelStore
 from service.learning.band import BAND_FILE, Band
 from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
-from service.learning.inputs import InputSignature
-from service.learning.model import PhysicsInformedModel
+from service.learning.network.inputs import InputSignature
+from service.learning.network.model import PhysicsInformedModel
+from service.learning.network.residuals import make_residual
 from service.learning.observed import scenarios_of
-from service.learning.residuals import make_residual
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.priors import make_prior
 from tests.learning.left_out import domain_of, synthetic_band

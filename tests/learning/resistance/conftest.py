@@ -8,11 +8,11 @@ import pytest
 
 import model_store
 from model_store import ModelStore
-from service.jobs.training_data import load_training_data
 from service.learning.observed import ObservedRun
 from service.learning.resistance.fit import FittedProcess, fit_resistance_process
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.priors import make_prior
+from service.training.data import load_training_data
 
 SHIPPED = str(Path(model_store.__file__).parent)
 

@@ -1,0 +1,1 @@
+"""What knows HTTP and no rover: reading, negotiation, delivery, errors, middlewares."""

@@ -1,0 +1,81 @@
+"""How an answer travels: compressed or not, how long a cache may keep it, and 304 for those who have it already."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from fastapi import Request, Response
+
+import service
+from service.api.http.compression import SMALLEST_BYTES, Coding, choose_coding, compressed
+from service.twin import Loaded
+
+# A version never changes, the service that computes with it may: a day is how long an upgrade can stay unseen.
+_FIXED = "max-age=86400, immutable"
+_MOVING = "no-cache"  # keep it, but ask each time: an alias moves
+
+CACHE_HEADERS: dict[str, Any] = {
+    "ETag": {"schema": {"type": "string"}, "description": "Changes with the answer; for `If-None-Match`."},
+    "Cache-Control": {
+        "schema": {"type": "string"},
+        "description": f"`{_FIXED}` for a version asked for by number, `{_MOVING}` for one asked for by alias.",
+    },
+}
+"""Response headers of what can be cached, for the OpenAPI document."""
+
+NOT_MODIFIED: dict[int | str, dict[str, Any]] = {
+    304: {"description": "The client has this answer already: `If-None-Match` names its `ETag`."}
+}
+"""The response of a GET to who has the answer already, for the OpenAPI document."""
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """What one request's headers want, and what its answer's say. `cached` are the headers of the cache."""
+
+    media_type: str
+    coding: Coding
+    vary: str
+    cached: Mapping[str, str] = field(default_factory=dict)
+    known: str = ""
+
+    @classmethod
+    def of(cls, request: Request, media_type: str, *, text: bool, negotiated: bool = True) -> Delivery:
+        """An answer that no cache keeps. `text` is worth compressing; `negotiated` by `Accept` as well."""
+        coding = choose_coding(request.headers.get("accept-encoding")) if text else Coding.IDENTITY
+        vary = ", ".join([*(["Accept"] if negotiated else []), "Accept-Encoding"])
+        return cls(media_type, coding, vary)
+
+    def cacheable(self, request: Request, loaded: Loaded, asked_for: str, question: bytes) -> Delivery:
+        """The same for a GET whose answer follows from the version and the alias it was `asked_for` by, and `question`.
+
+        Its ETag is known before the answer is: it is made from these, the form and the release of this service.
+        """
+        version = f"{loaded.twin.fingerprint} {loaded.alias}"
+        fixed = bool(asked_for) and loaded.alias is None  # the default may be a number today, another one tomorrow
+        return self.tagged(request, version.encode() + question, fixed=fixed)
+
+    def tagged(self, request: Request, content: bytes, *, fixed: bool) -> Delivery:
+        """The same for a GET whose answer follows from `content` alone; `fixed` if its address never has another."""
+        key = "\n".join([service.__version__, self.media_type, self.coding, ""]).encode()
+        tag = f'"{hashlib.sha256(key + content).hexdigest()[:32]}"'
+        cached = {"ETag": tag, "Cache-Control": _FIXED if fixed else _MOVING}
+        return replace(self, cached=cached, known=",".join(request.headers.getlist("if-none-match")))
+
+    def not_modified(self) -> Response | None:
+        """The 304 for who has the answer already, else None."""
+        tags = {each.strip().removeprefix("W/") for each in self.known.split(",")}
+        if not self.known or self.cached.get("ETag") not in tags:
+            return None
+        return Response(status_code=304, headers={**self.cached, "Vary": self.vary})
+
+    def response(self, body: bytes, headers: Mapping[str, str] | None = None) -> Response:
+        """The answer. Compresses: call it where that may take its time."""
+        sent = {"Vary": self.vary, **self.cached, **(headers or {})}
+        if self.coding is not Coding.IDENTITY and len(body) >= SMALLEST_BYTES:
+            body = compressed(body, self.coding)
+            sent["Content-Encoding"] = self.coding
+        return Response(body, headers=sent, media_type=self.media_type)

@@ -1,0 +1,65 @@
+"""What can go wrong with a request as such: the exceptions of this side. `errors` says how each is answered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from starlette.exceptions import HTTPException
+
+from service.errors import RoverTwinError
+
+
+class NotReadyError(RoverTwinError):
+    """The default model cannot predict now."""
+
+
+class UnsupportedMediaTypeError(RoverTwinError):
+    """A body came that does not say it is JSON."""
+
+
+class AdminOffError(RoverTwinError):
+    """An admin address was asked for, and no token is configured: then nobody may."""
+
+    def __init__(self) -> None:
+        super().__init__("the admin endpoints are off: ROVER_TWIN_ADMIN_TOKEN is not set")
+
+
+class UnauthorizedError(RoverTwinError):
+    """The admin token is missing, or (`wrong`) another one was sent."""
+
+    def __init__(self, message: str, *, wrong: bool) -> None:
+        self.challenge = 'Bearer realm="rover-twin"' + (', error="invalid_token"' if wrong else "")
+        super().__init__(message)
+
+
+class MalformedUploadError(RoverTwinError):
+    """The body of an upload cannot be taken apart, or ends before it should."""
+
+
+class UploadStalledError(RoverTwinError):
+    """An upload stopped coming in."""
+
+
+class DatasetInUseError(RoverTwinError):
+    """A dataset cannot be deleted: `versions` (name@number) and unfinished `jobs` (ids) name it."""
+
+    def __init__(self, dataset: str, versions: Sequence[str], jobs: Sequence[str]) -> None:
+        self.versions, self.jobs = list(versions), list(jobs)
+        users = [f"version {each}" for each in versions[:5]] + [f"training job {each}" for each in jobs[:5]]
+        more = len(self.versions) + len(self.jobs) - len(users)
+        super().__init__(f"dataset {dataset} is named by {', '.join(users)}" + (f" and {more} more" if more else ""))
+
+
+class PreconditionFailedError(RoverTwinError):
+    """What `If-Match` or `If-None-Match` demands does not hold (any more)."""
+
+
+class PreconditionRequiredError(RoverTwinError):
+    """A change of something that others may change too came without `If-Match`."""
+
+
+class BodyTooLargeError(HTTPException):
+    """A request body is over the limit. A child of HTTPException: FastAPI hides all others that occur on reading."""
+
+    def __init__(self, limit_bytes: int) -> None:
+        super().__init__(413, f"the request body has more than {limit_bytes} bytes, which is the limit")

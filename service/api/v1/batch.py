@@ -1,0 +1,162 @@
+"""`/v1/predictions/batch`: many scenarios in one request, predicted in one array operation."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from fastapi import APIRouter, Depends, Query, Request, Response
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic.json_schema import SkipJsonSchema
+from starlette.responses import StreamingResponse
+
+from service.api.http.delivery import Delivery
+from service.api.http.errors import document, told
+from service.api.http.json_body import require_json_type
+from service.api.http.negotiation import choose_batch_format
+from service.api.http.openapi import inlined_schema, problem_responses
+from service.api.http.problems import Slug
+from service.api.services import Parts
+from service.physics.scenario import Array
+from service.twin import Loaded, OutsideDomainError
+from service.twin.batch import Index, PredictionBatch, predict_finite
+from service.wire.batch import MAX_SCENARIOS, BatchBody, BatchQuestion, read_batch
+from service.wire.batch_answer import BatchAnswer
+from service.wire.batch_forms import BATCH_ENCODERS, BatchFormat, BatchSubject
+from service.wire.faults import require_unique
+from service.wire.prediction import Include
+
+PATH = "/v1/predictions/batch"
+MAX_BODY_BYTES = 4 << 20
+"""Of a batch: a thousand scenarios with long numbers, and 100,000 times of their own."""
+
+_MEANINGS = {
+    BatchFormat.NDJSON: "Lines of JSON, streamed, one for each scenario in the order sent: its `index`, then what the "
+    "single route answers, or the problem.",
+    BatchFormat.NPZ: "NumPy archive: float64 arrays of shape (scenario, time) for each column, `time_s` of shape "
+    "(time,) where all scenarios share it, arrays of shape (scenario,), and `metadata`, JSON text.",
+    BatchFormat.ARROW: "Arrow IPC stream: one record batch, a row for each scenario and time; the schema's metadata "
+    "has the scenarios, their domain, summary and errors as JSON text.",
+}
+_RESPONSES: dict[int | str, dict[str, Any]] = {
+    200: {
+        "model": BatchAnswer,
+        "description": "The trajectories, in the form asked for. Also where scenarios were refused: see `errors`.",
+        "content": {
+            BATCH_ENCODERS[form].media_type: {"schema": {"type": "string", "description": meaning}}
+            for form, meaning in _MEANINGS.items()
+        },
+        "headers": {
+            "Rover-Twin-Model": {
+                "schema": {"type": "string"},
+                "description": "Version that answered, as name@version.",
+            },
+            "Rover-Twin-Frame": {"schema": {"type": "string", "enum": ["slope", "world"]}},
+            "Rover-Twin-Failed": {"schema": {"type": "integer"}, "description": "How many scenarios have no answer."},
+        },
+    },
+    **problem_responses(
+        Slug.INVALID_INPUT,
+        Slug.MALFORMED_BODY,
+        Slug.UNSUPPORTED_MEDIA_TYPE,
+        Slug.MODEL_NOT_FOUND,
+        Slug.VERSION_NOT_FOUND,
+        Slug.ALIAS_NOT_FOUND,
+        Slug.NOT_ACCEPTABLE,
+        Slug.BODY_TOO_LARGE,
+        Slug.ARTEFACT_CORRUPT,
+        Slug.UNSUPPORTED_FORMAT,
+        Slug.STORE_UNAVAILABLE,
+        Slug.OVERLOADED,
+    ),
+}
+
+
+class BatchFormatQuery(BaseModel):
+    """How the predictions are written."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Annotated[
+        BatchFormat | SkipJsonSchema[None],
+        Field(description="Form of the answer; it wins over the `Accept` header. Without both, JSON."),
+    ] = None
+
+
+async def _no_repeated_query(request: Request) -> None:
+    require_unique(request.query_params.multi_items(), {"format": "one of " + ", ".join(BatchFormat)})
+
+
+router = APIRouter(prefix=PATH, tags=["predictions"], dependencies=[Depends(_no_repeated_query)], responses=_RESPONSES)
+
+
+@router.post(
+    "",
+    summary=f"Predict up to {MAX_SCENARIOS:,} scenarios",
+    response_class=Response,
+    response_model=None,
+    openapi_extra={
+        "requestBody": {"required": True, "content": {"application/json": {"schema": inlined_schema(BatchBody)}}}
+    },
+)
+async def post_batch(form: Annotated[BatchFormatQuery, Query()], request: Request, parts: Parts) -> Response:
+    """Where many rovers go, at the same step or at the same times. A scenario that is refused stops no other one."""
+    wanted = choose_batch_format(form.format, request.headers.get("accept"))
+    require_json_type(request)
+    body = await request.body()
+    question, times = await parts.predictions.run(lambda: _read(body, parts.settings.max_points))
+    loaded = await parts.twin(question.shared.model)
+    subject = await parts.predictions.run(lambda: predicted(question, times, loaded))
+    encoder = BATCH_ENCODERS[wanted]
+    if encoder.encode is None:
+        # never compressed: a line must reach the client when it is written
+        stream = encoder.stream(subject) if encoder.stream else ()
+        headers = {**subject.headers(), "Vary": "Accept"}
+        return StreamingResponse(stream, headers=headers, media_type=encoder.media_type)
+    encode, delivery = encoder.encode, Delivery.of(request, encoder.media_type, text=encoder.text)
+    return await parts.predictions.run(lambda: delivery.response(encode(subject), subject.headers()))
+
+
+def _read(body: bytes, max_points: int) -> tuple[BatchQuestion, Array]:
+    question = read_batch(body)
+    return question, question.grid(max_points)
+
+
+def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded) -> BatchSubject:
+    """What can be answered, and what is wrong with the rest. `time_s` is the question's grid.
+
+    Raises InvalidValueError for a band that cannot be had.
+    """
+    twin, shared = loaded.twin, question.shared
+
+    def predict(rows: Index) -> PredictionBatch:
+        times = time_s if time_s.ndim == 1 else time_s[rows]
+        scenarios = [question.scenarios[row] for row in rows.tolist()]
+        return twin.predict_many(
+            scenarios, times, shared.frame, shared.wanted_band_level, with_prior=shared.wants_prior
+        )
+
+    batch, rows, unanswered = predict_finite(predict, np.arange(len(question.scenarios)))
+    failures: dict[int, Exception] = dict(question.failures)
+    failures |= {int(question.indices[row]): error for row, error in unanswered.items()}
+    if shared.strict and batch is not None and not batch.domain.inside.all():
+        for row in np.flatnonzero(~batch.domain.inside).tolist():
+            error = OutsideDomainError(f"{twin.name}@{twin.version}", batch.domain[row])
+            failures[int(question.indices[rows[row]])] = error
+        inside = np.flatnonzero(batch.domain.inside)
+        batch, rows = batch.only(inside) if len(inside) else None, rows[inside]
+    return BatchSubject(
+        loaded=loaded,
+        frame=shared.frame,
+        batch=batch,
+        indices=question.indices[rows],
+        failures=[_problem(index, failures[index]) for index in sorted(failures)],
+        with_prior=shared.wants_prior,
+        with_band=Include.BAND in shared.include,
+    )
+
+
+def _problem(index: int, error: Exception) -> dict[str, Any]:
+    """The problem that the single route would answer, without what only a whole answer has."""
+    described = told(error, PATH)
+    return {"index": index, **document(described), **described.members}

@@ -1,0 +1,81 @@
+"""The wire models of datasets, and how they are made from the store's records."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, Field
+
+from model_store import DatasetRecord, FileEntry
+from service.wire.datasets import DatasetUsers, ReportAnswer
+
+ADDRESS = "/v1/admin/datasets"
+
+
+class DatasetLinks(BaseModel):
+    """Where to go from here."""
+
+    self: str
+    preview: str
+    download: str
+
+    @classmethod
+    def of(cls, identity: str) -> Self:
+        """The addresses of one dataset."""
+        own = f"{ADDRESS}/{identity}"
+        return cls(self=own, preview=f"{own}/preview", download=f"{own}/download")
+
+
+class UploadAnswer(BaseModel):
+    """What became of an upload."""
+
+    id: Annotated[str, Field(description="Digest of the content: the same runs have the same id, however they came.")]
+    created: Annotated[bool, Field(description="Whether this upload stored it.")]
+    stored: Annotated[bool, Field(description="Whether the store has it now, by this upload or before.")]
+    dry_run: bool
+    name: Annotated[str | None, Field(description="Its name in the store; null when it is not there.")]
+    report: ReportAnswer
+    links: DatasetLinks
+
+
+class DatasetEntry(BaseModel):
+    """A dataset in a list. `unreadable` says why a damaged one shows nothing more; null when all is well."""
+
+    id: str
+    name: str = ""
+    created_at: datetime | None = None
+    created_by: str = ""
+    description: str = ""
+    summary: Annotated[dict[str, Any], Field(description="Runs, rows, ranges, sampling, columns and sets.")] = {}
+    unreadable: str | None = None
+    links: DatasetLinks
+
+
+class DatasetsAnswer(BaseModel):
+    """One page of the datasets, in the order of their ids."""
+
+    datasets: list[DatasetEntry]
+    next: Annotated[str | None, Field(description="Address of the next page; null on the last one.")]
+
+
+class DatasetAnswer(DatasetEntry):
+    """Everything about one dataset."""
+
+    passport: Annotated[dict[str, Any], Field(description="What was simulated, as uploaded.")]
+    source: Annotated[dict[str, Any], Field(description="The files that it was made from.")]
+    files: dict[str, FileEntry]
+    used_by: DatasetUsers
+
+
+def entry_of(record: DatasetRecord) -> DatasetEntry:
+    """What a list shows of a dataset."""
+    return DatasetEntry(
+        id=record.id,
+        name=record.name,
+        created_at=record.created_at,
+        created_by=record.created_by,
+        description=record.description,
+        summary=record.summary,
+        links=DatasetLinks.of(record.id),
+    )

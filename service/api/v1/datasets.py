@@ -1,0 +1,318 @@
+"""`/v1/admin/datasets`: uploads of Chrono runs, and what became of them.
+
+An upload is streamed to a file and read in a process of its own (`service.jobs.import_process`): what is hostile in it
+meets neither this process nor its memory. A sender who goes away while the import runs changes nothing: it ends as it
+would have, and the same upload again is told that it is known.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic.json_schema import SkipJsonSchema
+
+from model_store import (
+    CorruptArtefactError,
+    DatasetRecord,
+    InvalidReferenceError,
+    ModelStore,
+    UnsupportedFormatError,
+    layout,
+)
+from service.allowed import allowed_values
+from service.api.admin import ADMIN_PROBLEMS, Admin, admin_route, require_admin
+from service.api.http.exceptions import DatasetInUseError
+from service.api.http.openapi import problem_responses
+from service.api.http.problems import Slug
+from service.api.http.upload_body import receive_upload, upload_folder
+from service.api.http.worker_threads import OverloadedError
+from service.api.services import Parts, Services
+from service.api.v1.dataset_answers import (
+    ADDRESS,
+    DatasetAnswer,
+    DatasetEntry,
+    DatasetLinks,
+    DatasetsAnswer,
+    UploadAnswer,
+    entry_of,
+)
+from service.api.v1.upload_fields import ALLOWED as UPLOAD_ALLOWED
+from service.api.v1.upload_fields import OPENAPI, asked_for
+from service.errors import JobError
+from service.jobs.import_process import import_in_process
+from service.jobs.preview_process import preview_in_process
+from service.training.stored_dataset import PASSPORT_FILE, RUNS_FILE, UploadResult
+from service.wire.datasets import DatasetUsers, report_document
+from service.wire.faults import InputFault, InvalidInputError, fault
+
+MOST_LISTED = 200
+_COUNTS = frozenset(str(count) for count in range(1, MOST_LISTED + 1))
+PARQUET = "application/vnd.apache.parquet"
+_MOST_WAITING = 8
+_MEDIA_TYPES = {"svg": "image/svg+xml", "png": "image/png"}
+
+
+def _plain_integer(value: object) -> object:
+    """A count is written in one way only: 8, not 08, +8 or 8.0."""
+    if isinstance(value, str) and value not in _COUNTS:
+        raise ValueError(f"a whole number from 1 to {MOST_LISTED}")
+    return value
+
+
+class DatasetsQuery(BaseModel):
+    """Which page of the list."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    limit: Annotated[
+        int,
+        BeforeValidator(_plain_integer),
+        Field(ge=1, le=MOST_LISTED, description="How many datasets at most.", examples=[50]),
+    ] = 50
+    after: Annotated[
+        str | SkipJsonSchema[None],
+        Field(pattern="^[0-9a-f]{64}$", description="Id that the page begins after.", examples=["0" * 64]),
+    ] = None
+
+
+class PreviewQuery(BaseModel):
+    """The form of the figure."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Annotated[Literal["svg", "png"], Field(description="Form of the figure.")] = "svg"
+
+
+ALLOWED = UPLOAD_ALLOWED | {
+    name: allowed_values(schema)
+    for query in (DatasetsQuery, PreviewQuery)
+    for name, schema in query.model_json_schema()["properties"].items()
+}
+ALLOWED["after"] = "the id of a dataset: 64 hexadecimal digits"
+
+_STORE_PROBLEMS = (Slug.ARTEFACT_CORRUPT, Slug.UNSUPPORTED_FORMAT, Slug.STORE_UNAVAILABLE, Slug.OVERLOADED)
+_NO_DATASET = problem_responses(Slug.INVALID_INPUT, Slug.DATASET_NOT_FOUND)
+
+router = APIRouter(
+    prefix=ADDRESS,
+    tags=["datasets"],
+    dependencies=[Depends(require_admin)],
+    responses=problem_responses(*ADMIN_PROBLEMS, *_STORE_PROBLEMS),
+    route_class=admin_route(ALLOWED),
+)
+
+Reference = Annotated[
+    str,
+    Path(alias="dataset", description="Id, a unique start of it (6 digits or more), or name of a dataset."),
+]
+
+
+@router.post(
+    "",
+    summary="Upload a dataset",
+    response_model=UploadAnswer,
+    responses=problem_responses(
+        Slug.INVALID_INPUT,
+        Slug.DATASET_REJECTED,
+        Slug.MALFORMED_BODY,
+        Slug.UPLOAD_STALLED,
+        Slug.BODY_TOO_LARGE,
+        Slug.CONFLICT,
+    )
+    | {
+        200: {"model": UploadAnswer, "description": "The same content is here already, or it was a dry run."},
+        201: {
+            "model": UploadAnswer,
+            "description": "It is stored.",
+            "headers": {"Location": {"schema": {"type": "string"}, "description": "Address of the dataset."}},
+        },
+    },
+    openapi_extra=OPENAPI,
+)
+async def post_dataset(request: Request, response: Response, actor: Admin, parts: Parts) -> UploadAnswer:
+    """Chrono runs as a zip or tar with `runs.csv` and `passport.json`, one long CSV, Parquet, or one plain file with
+    its scenario in the form; any of them gzipped. As `multipart/form-data` with a part `file`, or as the raw body.
+
+    The id is the digest of the content, so the same upload again answers 200 with the same id. `report` says of every
+    run whether it was accepted and, if not, why: file, line, column and reason.
+    """
+    query = request.query_params.multi_items()
+    asked = asked_for(query)
+    with upload_folder(parts.uploads) as folder:
+        upload = await receive_upload(request, folder, asked.filename)
+        asked = asked_for([*query, *upload.fields])
+        result = await import_in_process(
+            parts.settings.store_url,
+            upload.path,
+            filename=upload.filename,
+            form=asked.form(),
+            created_by=actor,
+            dry_run=asked.dry_run,
+            workspace=folder,
+        )
+    answer = _upload_answer(result, dry_run=asked.dry_run)
+    if answer.created:
+        response.status_code = 201
+        response.headers["Location"] = answer.links.self
+    return answer
+
+
+def _upload_answer(result: UploadResult, *, dry_run: bool) -> UploadAnswer:
+    return UploadAnswer.model_validate(
+        {
+            "id": result.dataset_id,
+            "created": result.created,
+            "stored": result.record is not None,
+            "dry_run": dry_run,
+            "name": None if result.record is None else result.record.name,
+            "report": report_document(result.report),
+            "links": DatasetLinks.of(result.dataset_id),
+        }
+    )
+
+
+@router.get("", summary="All datasets")
+async def list_datasets(asked: Annotated[DatasetsQuery, Query()], parts: Parts) -> DatasetsAnswer:
+    """One page of the datasets, in the order of their ids; `next` is the address of the page after it."""
+    return await parts.storage.run(lambda: _page(parts.store, asked))
+
+
+@router.get("/{dataset}", summary="One dataset", responses=_NO_DATASET)
+async def get_dataset(reference: Reference, parts: Parts) -> DatasetAnswer:
+    """Passport, ranges and statistics of a dataset, and who uses it."""
+    return await parts.storage.run(lambda: _described(parts, reference))
+
+
+@router.get(
+    "/{dataset}/preview",
+    summary="A figure of a dataset",
+    response_class=Response,
+    response_model=None,
+    responses=_NO_DATASET
+    | {
+        200: {
+            "description": "The distance of every run over time, and where the scenarios lie.",
+            "content": {media_type: {"schema": {"type": "string"}} for media_type in _MEDIA_TYPES.values()},
+        }
+    },
+)
+async def get_preview(reference: Reference, asked: Annotated[PreviewQuery, Query()], parts: Parts) -> Response:
+    """The runs of a dataset at a glance."""
+    record = await parts.storage.run(lambda: _found(parts.store, reference))
+    if parts.figures.statistics().tasks_waiting >= _MOST_WAITING:
+        raise OverloadedError(f"{_MOST_WAITING} figures are waiting already")
+    async with parts.figures:
+        figure = await preview_in_process(parts.settings.store_url, record.id, asked.format)
+    # an id is the digest of what it shows: the figure never changes
+    return Response(figure, media_type=_MEDIA_TYPES[asked.format], headers={"Cache-Control": "private, max-age=86400"})
+
+
+@router.get(
+    "/{dataset}/download",
+    summary="A dataset as Parquet",
+    response_class=StreamingResponse,
+    response_model=None,
+    responses=_NO_DATASET
+    | {
+        200: {
+            "description": "`runs.parquet`: one row per sample; what is read here can be uploaded again.",
+            "content": {PARQUET: {"schema": {"type": "string", "format": "binary"}}},
+            "headers": {
+                "ETag": {"schema": {"type": "string"}, "description": "sha256 of the file."},
+                "Content-Disposition": {"schema": {"type": "string"}},
+            },
+        }
+    },
+)
+async def download_dataset(reference: Reference, parts: Parts) -> StreamingResponse:
+    """The runs as they are stored. A file that is damaged in the store never arrives whole: the connection is cut."""
+    size_bytes, headers, pieces = await parts.storage.run(lambda: _opened(parts.store, reference))
+    return StreamingResponse(pieces, headers=headers | {"Content-Length": str(size_bytes)}, media_type=PARQUET)
+
+
+@router.delete(
+    "/{dataset}",
+    summary="Delete a dataset",
+    status_code=204,
+    response_class=Response,
+    response_model=None,
+    responses=_NO_DATASET | problem_responses(Slug.DATASET_IN_USE),
+)
+async def delete_dataset(reference: Reference, parts: Parts) -> Response:
+    """Refused while a published version or an unfinished training job names it. Wants the whole id."""
+    await parts.storage.run(lambda: _delete(parts, reference))
+    return Response(status_code=204)
+
+
+def _page(store: ModelStore, asked: DatasetsQuery) -> DatasetsAnswer:
+    ids = [each for each in store.dataset_ids() if asked.after is None or each > asked.after]
+    shown = ids[: asked.limit]
+    more = f"{ADDRESS}?limit={asked.limit}&after={shown[-1]}" if len(ids) > len(shown) else None
+    return DatasetsAnswer(datasets=[_listed(store, identity) for identity in shown], next=more)
+
+
+def _listed(store: ModelStore, identity: str) -> DatasetEntry:
+    """One damaged dataset must not hide the others."""
+    try:
+        return entry_of(store.dataset(identity))
+    except (CorruptArtefactError, UnsupportedFormatError) as error:
+        return DatasetEntry(id=identity, unreadable=str(error), links=DatasetLinks.of(identity))
+
+
+def _found(store: ModelStore, reference: str) -> DatasetRecord:
+    try:
+        return store.dataset(reference)
+    except InvalidReferenceError as error:
+        raise InvalidInputError(InputFault("dataset", reference, "a whole id", str(error))) from error
+
+
+def _described(parts: Services, reference: str) -> DatasetAnswer:
+    record = _found(parts.store, reference)
+    try:
+        jobs = _jobs_using(parts, record.id)
+    except JobError:
+        jobs = None
+    return DatasetAnswer(
+        **entry_of(record).model_dump(),
+        passport=json.loads(parts.store.read_dataset_file(record.id, PASSPORT_FILE)),
+        source=record.source,
+        files=record.files,
+        used_by=DatasetUsers(versions=parts.store.datasets_in_use().get(record.id, []), jobs=jobs),
+    )
+
+
+def _jobs_using(parts: Services, identity: str) -> list[str]:
+    return [] if parts.jobs is None else list(parts.jobs.active_datasets().get(identity, ()))
+
+
+def _opened(store: ModelStore, reference: str) -> tuple[int, dict[str, str], Iterator[bytes]]:
+    record = _found(store, reference)
+    entry, pieces = store.stream_dataset_file(record.id, RUNS_FILE)
+    first = next(pieces)  # what is gone or not permitted shows here, while another answer can still be given
+    headers = {
+        "ETag": f'"{entry.sha256}"',
+        "Content-Disposition": f'attachment; filename="{record.name}.parquet"',
+    }
+
+    def all_pieces() -> Iterator[bytes]:
+        yield first
+        yield from pieces
+
+    return entry.size_bytes, headers, all_pieces()
+
+
+def _delete(parts: Services, identity: str) -> None:
+    if not layout.is_dataset_id(identity):
+        record = _found(parts.store, identity)
+        raise InvalidInputError(fault("dataset", identity, f"the whole id, {record.id}"))
+    # by the id alone: also a damaged dataset, or what a killed deletion left, can be deleted
+    versions = parts.store.datasets_in_use().get(identity, [])
+    jobs = _jobs_using(parts, identity)
+    if versions or jobs:
+        raise DatasetInUseError(identity, versions, jobs)
+    parts.store.delete_dataset(identity)

@@ -1,0 +1,144 @@
+"""`/v1/models`: what is published. Read from the store itself, so that it shows what was published a moment ago."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Request, Response
+from pydantic import BaseModel, BeforeValidator
+
+from model_store import (
+    AliasNotFoundError,
+    CorruptArtefactError,
+    Manifest,
+    ModelNotFoundError,
+    ModelStore,
+    UnsupportedFormatError,
+    layout,
+)
+from model_store.references import DEFAULT_ALIAS
+from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
+from service.api.http.openapi import problem_responses
+from service.api.http.problems import Slug
+from service.api.services import Parts
+from service.wire.forms.numbers import dump
+
+
+class ModelEntry(BaseModel):
+    """A model with its published versions, rising, and the version that each alias points to.
+
+    `unreadable` says why the aliases of a model with a damaged record are not shown; null when all is well.
+    """
+
+    name: str
+    versions: list[int]
+    aliases: dict[str, int]
+    unreadable: str | None = None
+
+
+class ModelAnswer(ModelEntry):
+    """The same with what the publisher said about the champion, or about the newest version without one."""
+
+    description: str
+
+
+class ModelsAnswer(BaseModel):
+    """All models."""
+
+    models: list[ModelEntry]
+
+
+MODEL_PROBLEMS = (Slug.ARTEFACT_CORRUPT, Slug.UNSUPPORTED_FORMAT, Slug.STORE_UNAVAILABLE, Slug.OVERLOADED)
+
+router = APIRouter(
+    prefix="/v1/models",
+    tags=["models"],
+    responses=problem_responses(*MODEL_PROBLEMS),
+)
+
+_NO_MODEL = problem_responses(Slug.MODEL_NOT_FOUND)
+
+
+def _plain_integer(value: object) -> object:
+    """Versions are written in one way only: 3, not 03, +3 or 3.0."""
+    if isinstance(value, str) and layout.version_number(value) is None:
+        raise ValueError(f"a whole number from 1 to {layout.MAX_VERSION}")
+    return value
+
+
+Name = Annotated[str, Path(description="Name of a model.", examples=["viper-lunar"])]
+Alias = Annotated[str, Path(description="Name of an alias.", examples=[DEFAULT_ALIAS])]
+Version = Annotated[
+    int,
+    BeforeValidator(_plain_integer),
+    Path(ge=1, le=layout.MAX_VERSION, description="Number of a version.", examples=[1]),
+]
+
+
+@router.get("", summary="All models")
+async def list_models(parts: Parts) -> ModelsAnswer:
+    """Every model with its versions and aliases."""
+    return await parts.storage.run(lambda: _all_models(parts.store))
+
+
+@router.get("/{name}", summary="One model", responses=_NO_MODEL)
+async def get_model(name: Name, parts: Parts) -> ModelAnswer:
+    """A model with its versions, aliases and description."""
+    require_name(name)
+    return await parts.storage.run(lambda: _described(parts.store, name))
+
+
+@router.get(
+    "/{name}/versions/{version}",
+    summary="The manifest of a version",
+    response_class=Response,
+    response_model=None,
+    responses=problem_responses(Slug.MODEL_NOT_FOUND, Slug.VERSION_NOT_FOUND, Slug.INVALID_INPUT)
+    | NOT_MODIFIED
+    | {200: {"model": Manifest, "description": "The manifest as it was published.", "headers": CACHE_HEADERS}},
+)
+async def get_version(name: Name, version: Version, request: Request, parts: Parts) -> Response:
+    """What the version is, where it holds, how good it is and what it was made from."""
+    require_name(name)
+    return await parts.storage.run(lambda: _manifest(parts.store, name, version, request))
+
+
+def require_name(name: str, alias: str | None = None) -> None:
+    """Raises ModelNotFoundError or AliasNotFoundError: in an address a malformed name is one that does not exist."""
+    if not layout.is_name(name):
+        raise ModelNotFoundError(f"no model '{name[:100]}': names have a-z, 0-9 and '-', at most 63 characters")
+    if alias is not None and not layout.is_alias(alias):
+        raise AliasNotFoundError(
+            f"model '{name}' has no alias '{alias[:100]}': aliases have a-z, 0-9 and '-' and start with a letter"
+        )
+
+
+def _manifest(store: ModelStore, name: str, version: int, request: Request) -> Response:
+    """Read even for a 304: a version that is gone or damaged must not seem to be well."""
+    body = dump(store.manifest(name, version).model_dump(mode="json"))
+    delivery = Delivery.of(request, "application/json", text=True, negotiated=False).tagged(request, body, fixed=True)
+    return delivery.not_modified() or delivery.response(body)
+
+
+def _all_models(store: ModelStore) -> ModelsAnswer:
+    return ModelsAnswer(models=[_listed(store, name) for name in store.model_names()])
+
+
+def _listed(store: ModelStore, name: str) -> ModelEntry:
+    """One damaged alias must not hide every model."""
+    try:
+        return _entry(store, name)
+    except (CorruptArtefactError, UnsupportedFormatError) as error:
+        return ModelEntry(name=name, versions=store.versions(name), aliases={}, unreadable=str(error))
+
+
+def _entry(store: ModelStore, name: str) -> ModelEntry:
+    aliases = {alias: record.version for alias, record in store.aliases(name).items()}
+    return ModelEntry(name=name, versions=store.versions(name), aliases=aliases)
+
+
+def _described(store: ModelStore, name: str) -> ModelAnswer:
+    entry = _entry(store, name)
+    shown = entry.aliases.get(DEFAULT_ALIAS, entry.versions[-1])
+    description = store.manifest(name, shown).description
+    return ModelAnswer(**entry.model_dump(), description=description)

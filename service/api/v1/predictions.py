@@ -1,0 +1,154 @@
+"""`/v1/predictions`: one scenario in, one trajectory out, as a GET with a query or a POST with a JSON body."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Body, Query, Request, Response
+
+from service.api.http.compression import Coding
+from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
+from service.api.http.json_body import read_object
+from service.api.http.lanes import express_route
+from service.api.http.negotiation import choose_format
+from service.api.http.openapi import problem_responses
+from service.api.http.problems import Slug
+from service.api.http.query import read_query, validated
+from service.api.services import Parts, Services
+from service.twin import Loaded, OutsideDomainError
+from service.wire.forms import ENCODERS, Format, Subject
+from service.wire.prediction import (
+    ALLOWED,
+    FormatQuery,
+    PredictionBody,
+    PredictionInputs,
+    PredictionQuery,
+    require_few_points,
+)
+from service.wire.prediction_answer import PredictionAnswer
+
+_COMPRESSED_AT_ONCE = 250  # points: 10 kB of text take gzip a third of a millisecond
+_MAY_REPEAT = frozenset({"include", "times_s"})
+_MEANINGS = {
+    Format.NPZ: "NumPy archive: a float64 array for each column, and `metadata`, JSON text.",
+    Format.ARROW: "Arrow IPC stream: one record batch, a float64 column each; the schema's metadata is JSON text.",
+    Format.USDA: "USD text layer: the rover as time samples of `/Rover`, Z-up, metres.",
+    Format.SVG: "Plot of the position against time.",
+    Format.PNG: "The plot as pixels.",
+}
+_RESPONSES: dict[int | str, dict[str, Any]] = {
+    200: {
+        "model": PredictionAnswer,
+        "description": "The trajectory, in the form asked for.",
+        "content": {
+            "text/csv": {"schema": {"type": "string"}, "example": "time_s,x_m,y_m\n0.0,0.0,0.0\n0.05,0.0001,0.0\n"},
+            **{
+                ENCODERS[form].media_type: {"schema": {"type": "string", "description": meaning}}
+                for form, meaning in _MEANINGS.items()
+            },
+        },
+        "headers": {
+            "Rover-Twin-Model": {
+                "schema": {"type": "string"},
+                "description": "Version that answered, as name@version.",
+            },
+            "Rover-Twin-Frame": {"schema": {"type": "string", "enum": ["slope", "world"]}},
+            "Rover-Twin-Domain": {"schema": {"type": "string", "enum": ["inside", "outside"]}},
+            "Rover-Twin-Outcome": {"schema": {"type": "string", "enum": ["climbs", "stalls", "slides"]}},
+            "Rover-Twin-Band-Level": {
+                "schema": {"type": "number"},
+                "description": "Level of the band; only on `include=band`.",
+            },
+        },
+    },
+    **problem_responses(
+        Slug.INVALID_INPUT,
+        Slug.OUTSIDE_DOMAIN,
+        Slug.MODEL_NOT_FOUND,
+        Slug.VERSION_NOT_FOUND,
+        Slug.ALIAS_NOT_FOUND,
+        Slug.NOT_ACCEPTABLE,
+        Slug.BODY_TOO_LARGE,
+        Slug.ARTEFACT_CORRUPT,
+        Slug.UNSUPPORTED_FORMAT,
+        Slug.STORE_UNAVAILABLE,
+        Slug.OVERLOADED,
+    ),
+}
+
+
+async def _read_get(request: Request) -> dict[str, Any]:
+    return {"asked": read_query(request, PredictionQuery, ALLOWED, _MAY_REPEAT)}
+
+
+async def _read_post(request: Request) -> dict[str, Any]:
+    form = read_query(request, FormatQuery, ALLOWED)
+    return {"asked": validated(PredictionBody, await read_object(request, ALLOWED), "body"), "form": form}
+
+
+async def get_prediction(asked: Annotated[PredictionQuery, Query()], request: Request, parts: Parts) -> Response:
+    """Where the rover goes on this slope with this mass and torque, and whether the model knows such scenarios."""
+    form = choose_format(asked.format, request.headers.get("accept"), Format)
+    return await _predict(asked, form, request, parts)
+
+
+async def post_prediction(
+    asked: Annotated[PredictionBody, Body()], form: Annotated[FormatQuery, Query()], request: Request, parts: Parts
+) -> Response:
+    """The same as the GET, with the fields as one JSON object; `format` stays in the address."""
+    return await _predict(asked, choose_format(form.format, request.headers.get("accept"), Format), request, parts)
+
+
+async def _predict(asked: PredictionInputs, form: Format, request: Request, parts: Services) -> Response:
+    require_few_points(asked, parts.settings.max_points)
+    loaded = await parts.twin(asked.model)
+    delivery = Delivery.of(request, ENCODERS[form].media_type, text=ENCODERS[form].text)
+    if request.method == "GET":
+        delivery = delivery.cacheable(request, loaded, asked.model, asked.question())
+        if nothing_new := delivery.not_modified():
+            return nothing_new
+    if loaded.twin.model.quick and asked.points <= _points_at_once(form, delivery):
+        return _computed(asked, form, loaded, delivery)
+    return await parts.predictions.run(lambda: _computed(asked, form, loaded, delivery))
+
+
+def _points_at_once(form: Format, delivery: Delivery) -> int:
+    """How many points may be answered on the event loop: handing them to a thread would take longer."""
+    most = ENCODERS[form].points_at_once
+    return most if delivery.coding is Coding.IDENTITY else min(most, _COMPRESSED_AT_ONCE)
+
+
+def _computed(asked: PredictionInputs, form: Format, loaded: Loaded, delivery: Delivery) -> Response:
+    """Everything that takes time, up to the bytes of the answer; on a worker thread if it may take long."""
+    scenario, times = asked.sampled()
+    prediction = loaded.twin.predict(
+        scenario, times, asked.frame, asked.wanted_band_level, with_prior=asked.wants_prior
+    )
+    if asked.strict and not prediction.domain.inside:
+        raise OutsideDomainError(f"{loaded.twin.name}@{loaded.twin.version}", prediction.domain)
+    subject = Subject(loaded, prediction)
+    encoder = ENCODERS[form]
+    return delivery.response(encoder.encode(subject), encoder.headers(subject))
+
+
+router = APIRouter(prefix="/v1/predictions", tags=["predictions"], responses=_RESPONSES)
+router.add_api_route(
+    "",
+    get_prediction,
+    methods=["GET"],
+    summary="Predict one scenario",
+    response_class=Response,
+    response_model=None,
+    responses=NOT_MODIFIED | {200: {**_RESPONSES[200], "headers": {**_RESPONSES[200]["headers"], **CACHE_HEADERS}}},
+    route_class_override=express_route(_read_get),
+)
+router.add_api_route(
+    "",
+    post_prediction,
+    methods=["POST"],
+    summary="Predict one scenario, asked for in JSON",
+    response_class=Response,
+    response_model=None,
+    responses=problem_responses(Slug.MALFORMED_BODY, Slug.UNSUPPORTED_MEDIA_TYPE),
+    route_class_override=express_route(_read_post),
+)

@@ -1,0 +1,325 @@
+"""The addresses of the protocol. Without a version in the address, the model's `champion` answers."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, Any, TypeVar
+
+from fastapi import APIRouter, Depends, FastAPI, Path, Request, Response
+from pydantic import BaseModel, Field, ValidationError
+
+import service
+from service.api import health
+from service.api.http.exceptions import NotReadyError
+from service.api.http.lanes import express_route
+from service.api.http.openapi import inlined_schema
+from service.api.services import Parts, Services
+from service.api.v2.answer import Bounds, Call, InferenceAnswer, answer, read
+from service.api.v2.failures import PREFIX, failure_responses
+from service.api.v2.metadata import ModelMetadata, configuration_of, metadata_of
+from service.api.v2.repository import (
+    IndexEntry,
+    IndexRequest,
+    RepositoryRequest,
+    index_of,
+    reference_of,
+    require_loadable,
+    unload,
+)
+from service.api.v2.statistics import Statistics
+from service.api.v2.wire import HEADER_LENGTH, InferenceRequest, parsed
+from service.wire.faults import InvalidInputError, faults_of
+
+EXTENSIONS = ("binary_tensor_data", "model_repository", "model_configuration", "parameters", "statistics")
+_READ_AT_ONCE = 4096  # bytes of a body that the event loop itself may read
+Body = TypeVar("Body", bound=BaseModel)
+
+router = APIRouter(prefix=PREFIX, tags=["inference protocol"], responses=failure_responses())
+_OF_MODEL = failure_responses(404, 503)
+
+Name = Annotated[str, Path(description="Name of a model.", examples=["viper-lunar"])]
+Version = Annotated[str, Path(description="Number of a version, or an alias.", examples=["1", "champion"])]
+
+
+class ServerMetadata(BaseModel):
+    """The server."""
+
+    name: str
+    version: str
+    extensions: list[str]
+
+
+class ServerLive(BaseModel):
+    """Whether the process is alive."""
+
+    live: bool
+
+
+class ServerReady(BaseModel):
+    """Whether the service can predict. `live` is there since the specification's text has it so."""
+
+    live: bool
+    ready: bool
+    error: str = Field(default="", description="Why not, if not.")
+
+
+class ModelReady(BaseModel):
+    """Whether a model can predict."""
+
+    name: str
+    ready: bool
+
+
+class ModelNames(BaseModel):
+    """The names of all models."""
+
+    models: list[str]
+
+
+class ModelStatistics(BaseModel):
+    """Triton's statistics, of this process since its start."""
+
+    model_stats: list[dict[str, Any]]
+
+
+def install(app: FastAPI) -> None:
+    """Add the protocol to the app."""
+    app.state.inference_statistics = Statistics()
+    app.include_router(router)
+
+
+async def _statistics_of(request: Request) -> Statistics:
+    counted: Statistics = request.app.state.inference_statistics
+    return counted
+
+
+Counted = Annotated[Statistics, Depends(_statistics_of)]
+
+
+@router.get("", summary="The server and its extensions")
+async def server_metadata() -> ServerMetadata:
+    """Name, version and which extensions of the protocol there are."""
+    return ServerMetadata(name="rover-twin", version=service.__version__, extensions=list(EXTENSIONS))
+
+
+router.add_api_route("/", server_metadata, include_in_schema=False)  # so the protocol's OpenAPI document writes it
+
+
+@router.get("/health/live", summary="Is the server alive?")
+async def server_live() -> ServerLive:
+    """Answers as long as the event loop runs."""
+    return ServerLive(live=True)
+
+
+@router.get(
+    "/health/ready",
+    summary="Can the server predict?",
+    responses={503: {"model": ServerReady, "description": "Not now; `error` says why."}},
+)
+async def server_ready(parts: Parts, response: Response) -> ServerReady:
+    """Makes a small prediction with the default model; other models are loaded when they are asked for."""
+    try:
+        await health.ready(parts)
+    except NotReadyError as error:
+        response.status_code = 503
+        return ServerReady(live=True, ready=False, error=str(error))
+    return ServerReady(live=True, ready=True)
+
+
+@router.get("/models", summary="Names of the models", responses=failure_responses(503))
+async def model_names(parts: Parts) -> ModelNames:
+    """As KServe lists them."""
+    return ModelNames(models=await parts.storage.run(parts.store.model_names))
+
+
+@router.get("/models/stats", summary="Statistics of all models")
+async def all_statistics(counted: Counted) -> ModelStatistics:
+    """Counts and times of all versions that were asked since this process started."""
+    return ModelStatistics(model_stats=counted.documents())
+
+
+@router.get("/models/{name}", summary="A model and its tensors", responses=_OF_MODEL)
+async def model_metadata(name: Name, parts: Parts) -> ModelMetadata:
+    """Inputs and outputs with their units and ranges, of the version that answers now."""
+    return await _metadata(reference_of(name), parts)
+
+
+@router.get("/models/{name}/versions/{version}", summary="A version and its tensors", responses=_OF_MODEL)
+async def version_metadata(name: Name, version: Version, parts: Parts) -> ModelMetadata:
+    """Inputs and outputs with their units and ranges."""
+    return await _metadata(reference_of(name, version), parts)
+
+
+@router.get("/models/{name}/ready", summary="Can a model predict?", responses=_OF_MODEL)
+async def model_ready(name: Name, parts: Parts) -> ModelReady:
+    """Loads the model if it is not in memory."""
+    return await _ready(reference_of(name), parts)
+
+
+@router.get("/models/{name}/versions/{version}/ready", summary="Can a version predict?", responses=_OF_MODEL)
+async def version_ready(name: Name, version: Version, parts: Parts) -> ModelReady:
+    """Loads the version if it is not in memory."""
+    return await _ready(reference_of(name, version), parts)
+
+
+@router.get("/models/{name}/config", summary="Triton's configuration of a model", responses=_OF_MODEL)
+async def model_configuration(name: Name, parts: Parts) -> dict[str, Any]:
+    """Made from the model's metadata."""
+    return await parts.storage.run(lambda: configuration_of(parts.store, reference_of(name)))
+
+
+@router.get(
+    "/models/{name}/versions/{version}/config", summary="Triton's configuration of a version", responses=_OF_MODEL
+)
+async def version_configuration(name: Name, version: Version, parts: Parts) -> dict[str, Any]:
+    """Made from the version's metadata."""
+    return await parts.storage.run(lambda: configuration_of(parts.store, reference_of(name, version)))
+
+
+@router.get("/models/{name}/stats", summary="Statistics of a model", responses=_OF_MODEL)
+async def model_statistics(name: Name, parts: Parts, counted: Counted) -> ModelStatistics:
+    """Counts and times of its versions that were asked since this process started."""
+    reference = reference_of(name)
+    await parts.storage.run(lambda: parts.store.versions(reference))
+    return ModelStatistics(model_stats=counted.documents(name))
+
+
+@router.get("/models/{name}/versions/{version}/stats", summary="Statistics of a version", responses=_OF_MODEL)
+async def version_statistics(name: Name, version: Version, parts: Parts, counted: Counted) -> ModelStatistics:
+    """Counts and times since this process started."""
+    reference = reference_of(name, version)
+    resolved = await parts.storage.run(lambda: parts.store.resolve(reference))
+    return ModelStatistics(model_stats=counted.documents(resolved.name, resolved.version))
+
+
+def _body(model: type[BaseModel], *, required: bool = False, example: dict[str, Any] | None = None) -> dict[str, Any]:
+    media: dict[str, Any] = {"schema": inlined_schema(model)} | ({"example": example} if example else {})
+    return {"requestBody": {"required": required, "content": {"application/json": media}}}
+
+
+_EXAMPLE = {
+    "id": "7",
+    "inputs": [
+        {"name": "slope_deg", "shape": [2], "datatype": "FP64", "data": [20, 28]},
+        {"name": "mass_kg", "shape": [2], "datatype": "FP64", "data": [430, 430]},
+        {"name": "torque_nm", "shape": [2], "datatype": "FP64", "data": [60, 60]},
+    ],
+    "outputs": [{"name": "x_m"}, {"name": "outcome"}],
+}
+_INFER: dict[str, Any] = {
+    "response_model": None,
+    "response_class": Response,
+    "openapi_extra": _body(InferenceRequest, required=True, example=_EXAMPLE),
+    "responses": failure_responses(400, 404, 413, 415, 501, 503)
+    | {
+        200: {
+            "model": InferenceAnswer,
+            "description": f"The outputs asked for. With binary ones the JSON, of {HEADER_LENGTH} bytes, comes first.",
+            "content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}},
+            "headers": {HEADER_LENGTH: {"schema": {"type": "integer"}, "description": "Only with binary outputs."}},
+        }
+    },
+}
+
+
+async def model_infer(name: Name, request: Request, parts: Parts, counted: Counted) -> Response:
+    """Tensors of scenarios in, tensors of trajectories out; JSON or binary either way."""
+    return await _infer(reference_of(name), request, parts, counted)
+
+
+async def version_infer(name: Name, version: Version, request: Request, parts: Parts, counted: Counted) -> Response:
+    """Tensors of scenarios in, tensors of trajectories out; JSON or binary either way."""
+    return await _infer(reference_of(name, version), request, parts, counted)
+
+
+async def _place(request: Request) -> dict[str, Any]:
+    """What stands in the address, and the counters."""
+    return {**request.path_params, "counted": await _statistics_of(request)}
+
+
+for _path, _endpoint, _summary in (
+    ("/models/{name}/infer", model_infer, "Predict many scenarios"),
+    ("/models/{name}/versions/{version}/infer", version_infer, "Predict many scenarios by a version"),
+):
+    router.add_api_route(
+        _path, _endpoint, methods=["POST"], summary=_summary, route_class_override=express_route(_place), **_INFER
+    )
+
+
+@router.post(
+    "/repository/index",
+    summary="All versions and whether they are in memory",
+    openapi_extra=_body(IndexRequest),
+    responses=failure_responses(400, 413, 503),
+)
+async def repository_index(request: Request, parts: Parts) -> list[IndexEntry]:
+    """One entry for each published version."""
+    asked = _read(IndexRequest, await request.body())
+    return await parts.storage.run(lambda: index_of(parts.store, parts.registry.status(), asked.ready))
+
+
+@router.post(
+    "/repository/models/{name}/load",
+    summary="Load a model",
+    openapi_extra=_body(RepositoryRequest),
+    response_class=Response,
+    responses=failure_responses(400, 404, 413, 501, 503),
+)
+async def load_model(name: Name, request: Request, parts: Parts) -> Response:
+    """Brings the version that the model's champion is into memory, ahead of the first request."""
+    require_loadable(_read(RepositoryRequest, await request.body()).parameters)
+    await parts.twin(reference_of(name))
+    return Response()
+
+
+@router.post(
+    "/repository/models/{name}/unload",
+    summary="Unload a model",
+    openapi_extra=_body(RepositoryRequest),
+    response_class=Response,
+    responses=failure_responses(400, 404, 413, 501, 503),
+)
+async def unload_model(name: Name, request: Request, parts: Parts) -> Response:
+    """Drops all its versions from memory; a later request loads them again. The default model stays."""
+    _read(RepositoryRequest, await request.body())
+    reference = reference_of(name)
+    default = parts.settings.default_model
+    await parts.storage.run(lambda: unload(parts.registry, parts.store, reference, default))
+    return Response()
+
+
+async def _infer(reference: str, request: Request, parts: Services, counted: Statistics) -> Response:
+    arrived_ns = time.perf_counter_ns()
+    loaded = await parts.twin(reference)
+    encoding = request.headers.get("content-encoding", "").strip().lower()
+    call = Call(await request.body(), request.headers.get(HEADER_LENGTH), encoding, arrived_ns)
+    bounds = Bounds(parts.settings.max_points, parts.settings.max_body_bytes)
+    if len(call.body) <= _READ_AT_ONCE and not encoding:
+        inference = read(call, loaded, bounds, counted)
+    else:
+        inference = await parts.predictions.run(lambda: read(call, loaded, bounds, counted))
+    if inference.quick:
+        return answer(inference)
+    return await parts.predictions.run(lambda: answer(inference))
+
+
+async def _metadata(reference: str, parts: Services) -> ModelMetadata:
+    return await parts.storage.run(lambda: metadata_of(parts.store, reference))
+
+
+async def _ready(reference: str, parts: Services) -> ModelReady:
+    if parts.lifecycle.draining:
+        raise NotReadyError("the service is shutting down")
+    loaded = await parts.twin(reference)
+    return ModelReady(name=loaded.twin.name, ready=True)
+
+
+def _read(model: type[Body], content: bytes) -> Body:
+    """A body that may be empty. Raises HTTPException and InvalidInputError."""
+    if not content:
+        return model()
+    try:
+        return model.model_validate(parsed(content))
+    except ValidationError as error:
+        found = [{**each, "loc": ("body", *each["loc"])} for each in error.errors(include_url=False)]
+        raise InvalidInputError(*faults_of(found, {})) from None

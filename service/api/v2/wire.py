@@ -1,0 +1,181 @@
+"""Bodies of the protocol: JSON, or JSON followed by the tensors' bytes (extension `binary_tensor_data`)."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+import orjson
+from fastapi import HTTPException, Response
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic_core import ErrorDetails
+
+from service.api.http.exceptions import BodyTooLargeError, UnsupportedMediaTypeError
+from service.api.v2.signature import Values
+from service.wire.faults import MAX_FAULTS, InputFault, InvalidInputError, fault
+from service.wire.forms.numbers import dump
+
+HEADER_LENGTH = "Inference-Header-Content-Length"
+_GZIP_OR_ZLIB = 32 + zlib.MAX_WBITS  # zlib tells the two apart by their first bytes
+
+Parameters = dict[str, str | bool | int | float]
+_WITH_PARAMETERS = "an object of texts, numbers, true or false"
+
+
+class RequestedInput(BaseModel):
+    """One input tensor: its values stand in `data`, or in the body's binary part."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+    name: str
+    shape: Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=8)]
+    datatype: str
+    parameters: Parameters = Field(default_factory=dict, description="`binary_data_size` for a tensor in binary.")
+    data: list[Any] = Field(default_factory=list, description="Values in row-major order.")
+
+
+class RequestedOutput(BaseModel):
+    """One output tensor that is wanted."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+    name: str
+    parameters: Parameters = Field(default_factory=dict, description="`binary_data` to get it in binary, or not.")
+
+
+class InferenceRequest(BaseModel):
+    """The JSON part of a request; members that the protocol does not know are ignored, as Triton does."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+    id: str | None = Field(default=None, max_length=1024, description="Comes back with the answer.")
+    parameters: Parameters = Field(default_factory=dict)
+    inputs: Annotated[list[RequestedInput], Field(max_length=16)]
+    outputs: Annotated[list[RequestedOutput], Field(max_length=64)] = Field(default_factory=list)
+
+
+_TENSOR = "an object with name, shape, datatype and data"
+_ALLOWED = {
+    "body": "a JSON object",
+    "id": "a text of at most 1024 characters",
+    "parameters": _WITH_PARAMETERS,
+    "inputs": f"a list of at most 16 tensors, each {_TENSOR}",
+    "inputs.name": "a text",
+    "inputs.shape": "a list of at most 8 whole numbers",
+    "inputs.datatype": "a text",
+    "inputs.parameters": _WITH_PARAMETERS,
+    "inputs.data": "a list",
+    "outputs": "a list of at most 64 outputs",
+    "outputs.name": "a text",
+    "outputs.parameters": _WITH_PARAMETERS,
+}
+
+
+def unpacked(body: bytes, encoding: str, limit_bytes: int) -> bytes:
+    """The body without its `Content-Encoding`.
+
+    Raises UnsupportedMediaTypeError, BodyTooLargeError for more than `limit_bytes` (whatever it was packed to), and
+    HTTPException for what cannot be unpacked.
+    """
+    if encoding in ("", "identity"):
+        return body
+    if encoding not in ("gzip", "deflate"):
+        raise UnsupportedMediaTypeError(f"Content-Encoding is '{encoding[:100]}', allowed is gzip or deflate")
+    unpacking = zlib.decompressobj(_GZIP_OR_ZLIB)
+    try:
+        content = unpacking.decompress(body, limit_bytes + 1)
+    except zlib.error as error:
+        raise HTTPException(400, f"it is not {encoding}") from error
+    if len(content) > limit_bytes:
+        raise BodyTooLargeError(limit_bytes)
+    if not unpacking.eof or unpacking.unused_data:
+        raise HTTPException(400, f"it is not one whole {encoding} stream")
+    return content
+
+
+def split(body: bytes, header_length: str | None) -> tuple[bytes, memoryview]:
+    """The JSON part and the binary part. Raises HTTPException for a length that does not fit the body."""
+    if header_length is None:
+        return body, memoryview(b"")
+    length = int(header_length) if header_length.isdecimal() and len(header_length) < 10 else -1
+    if length == 0:
+        raise HTTPException(400, f"{HEADER_LENGTH} is 0, which is for models with one input; these have three or more")
+    if not 0 < length <= len(body):
+        said = f"{HEADER_LENGTH} is '{header_length[:20]}'"
+        raise HTTPException(400, f"{said}, allowed is 1 to the {len(body)} bytes of the body")
+    return body[:length], memoryview(body)[length:]
+
+
+def parsed(content: bytes) -> object:
+    """JSON as Python's objects; NaN and infinity too, so that they can be refused by their place.
+
+    Raises HTTPException for what is not JSON.
+    """
+    try:
+        return orjson.loads(content)
+    except orjson.JSONDecodeError as error:
+        try:
+            return json.loads(content)
+        except (ValueError, RecursionError):
+            raise HTTPException(400, f"it is no JSON: {error}") from None
+
+
+def request_of(content: bytes) -> InferenceRequest:
+    """The JSON part of a request. Raises HTTPException and InvalidInputError."""
+    try:
+        return InferenceRequest.model_validate(parsed(content))
+    except ValidationError as error:
+        faults = {each.field: each for each in map(_fault, error.errors(include_url=False))}
+        raise InvalidInputError(*list(faults.values())[:MAX_FAULTS]) from None
+
+
+def _fault(error: ErrorDetails) -> InputFault:
+    place, kind = "", ""
+    for part in error["loc"]:
+        if isinstance(part, int):
+            place += f"[{part}]"
+        elif not kind.endswith("parameters"):
+            place, kind = (f"{place}.{part}", f"{kind}.{part}") if place else (part, part)
+    place, allowed = place or "body", _ALLOWED.get(kind, _ALLOWED["body"])
+    if error["type"] == "missing":
+        return InputFault(place, None, allowed, f"{place} is missing, allowed is {allowed}")
+    return fault(place, error["input"], allowed)
+
+
+def response_of(document: Mapping[str, Any], outputs: Sequence[tuple[dict[str, Any], Values, bool]]) -> Response:
+    """The answer: `document` with these outputs, each its description, its values and whether it goes in binary.
+
+    Raises NonFiniteError.
+    """
+    tail: list[bytes | memoryview] = []
+    described = []
+    for output, values, binary in outputs:
+        if binary:
+            content, size = _binary(values)
+            tail.append(content)
+            described.append(output | {"parameters": {"binary_data_size": size}})
+        else:
+            described.append(output | {"data": values if isinstance(values, list) else _row_major(values).ravel()})
+    head = dump({**document, "outputs": described})
+    if not tail:
+        return Response(head, media_type="application/json")
+    headers = {HEADER_LENGTH: str(len(head))}
+    return Response(b"".join([head, *tail]), headers=headers, media_type="application/octet-stream")
+
+
+def _binary(values: Values) -> tuple[bytes | memoryview, int]:
+    if isinstance(values, list):
+        texts = [text.encode() for text in values]
+        content = b"".join(len(text).to_bytes(4, "little") + text for text in texts)
+        return content, len(content)
+    array = _row_major(values)
+    return array.data, array.nbytes
+
+
+def _row_major(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Contiguous and little-endian; not copied where it is so already."""
+    return np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))

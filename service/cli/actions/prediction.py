@@ -1,0 +1,111 @@
+"""What `rover-twin predict` does: the API's own input model and encoders around a twin that is loaded here."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+from rich.console import Console
+
+from model_store import ModelStore
+from service.cli.failures import RefusedError, UsageError
+from service.cli.output import make_table
+from service.cli.threads import use_threads
+from service.settings import load_settings
+from service.twin import TwinRegistry
+from service.wire.faults import faults_of, summary_of
+from service.wire.forms import ENCODERS, Format, Subject
+from service.wire.prediction import ALLOWED, PredictionInputs, require_few_points
+
+_SHOWN_ROWS = 11
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """The fields of a prediction as the user gave them, and the form of the answer: table, or the name of a
+    `Format`.
+    """
+
+    inputs: Mapping[str, Any]
+    form: str
+
+
+def is_text(form: str) -> bool:
+    """Whether this form can be read on a terminal."""
+    return form == "table" or ENCODERS[Format(form)].text
+
+
+def answer(store: ModelStore, question: Question) -> bytes:
+    """The answer; text is UTF-8 and ends with a line feed.
+
+    Raises UsageError or InvalidValueError for inputs that the API would refuse too, RefusedError for a strict question
+    outside the domain, and what loading a twin raises.
+    """
+    subject = _predict(store, _checked(question.inputs))
+    if question.form == "table":
+        return _table(subject).encode()
+    content = ENCODERS[Format(question.form)].encode(subject)
+    return content.rstrip(b"\n") + b"\n" if is_text(question.form) else content
+
+
+def _checked(inputs: Mapping[str, Any]) -> PredictionInputs:
+    try:
+        return PredictionInputs.model_validate(inputs)
+    except ValidationError as error:
+        # the API's words expect to hear first where a field was (query, body)
+        errors = [{**each, "loc": ("option", *each["loc"])} for each in error.errors(include_url=False)]
+        faults = faults_of(errors, ALLOWED)
+        raise UsageError(summary_of(faults)) from error
+
+
+def _predict(store: ModelStore, inputs: PredictionInputs) -> Subject:
+    settings = load_settings()
+    require_few_points(inputs, settings.max_points)
+    use_threads()
+    loaded = TwinRegistry(store, settings.default_model).get(inputs.model)
+    scenario, times = inputs.sampled()
+    prediction = loaded.twin.predict(
+        scenario, times, inputs.frame, inputs.wanted_band_level, with_prior=inputs.wants_prior
+    )
+    if inputs.strict and not prediction.domain.inside:
+        reasons = "; ".join(reason.detail for reason in prediction.domain.reasons)
+        name = f"{loaded.twin.name}@{loaded.twin.version}"
+        raise RefusedError(f"the scenario is outside the domain of {name}: {reasons}")
+    return Subject(loaded, prediction)
+
+
+def _table(subject: Subject) -> str:
+    """Summary and about eleven points, evenly spread over time."""
+    prediction, twin = subject.prediction, subject.loaded.twin
+    scenario, summary = prediction.scenario, prediction.summary
+    slip = "unknown" if summary.slip_ratio is None else f"{summary.slip_ratio:.2f}"
+    alias = f" ({subject.loaded.alias})" if subject.loaded.alias else ""
+    lines = [
+        f"model     {twin.name}@{twin.version}{alias}, prior {prediction.prior_name}",
+        f"scenario  slope {scenario.slope_deg:g} deg, mass {scenario.mass_kg:g} kg, "
+        f"torque {scenario.torque_nm:g} N m, horizon {scenario.horizon_s:g} s",
+        f"outcome   {summary.outcome}: x {summary.final_x_m:.3f} m, y {summary.final_y_m:.3f} m in the slope frame",
+        f"motion    distance {summary.distance_m:.3f} m, mean speed {summary.mean_speed_m_s:.3f} m/s, "
+        f"slip ratio {slip}",
+        "domain    inside" if prediction.domain.inside else "domain    OUTSIDE: the answer is extrapolated",
+        *(f"          {reason.detail}" for reason in prediction.domain.reasons),
+    ]
+    return "\n".join(lines) + f"\n\n{prediction.frame} frame\n" + _points(subject)
+
+
+def _points(subject: Subject) -> str:
+    columns = subject.columns()
+    table = make_table(*columns, left=0)
+    count = len(columns["time_s"])
+    for index in np.unique(np.linspace(0, count - 1, min(count, _SHOWN_ROWS)).round().astype(int)):
+        time, *positions = (float(values[index]) for values in columns.values())
+        table.add_row(f"{time:g}", *(f"{value:.4f}" for value in positions))
+    text = io.StringIO()
+    Console(file=text, width=120).print(table)
+    shown = min(count, _SHOWN_ROWS)
+    more = f"({shown} of {count} points; --format csv or --json gives all)\n" if shown < count else ""
+    return "\n".join(line.rstrip() for line in text.getvalue().splitlines()) + "\n" + more

@@ -1,0 +1,239 @@
+"""`rover-twin models`: versions and aliases in the store."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from service.cli import options
+from service.cli.failures import ExitCode, RefusedError
+from service.cli.output import make_table, note, print_answer, print_json
+from service.cli.store_access import check_names, open_store
+
+if TYPE_CHECKING:
+    from model_store import AliasRecord
+
+app = typer.Typer(
+    name="models",
+    help="Look at models, their versions and aliases; move an alias and take the move back.",
+    no_args_is_help=True,
+)
+
+Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the model.")]
+Alias = Annotated[str, typer.Argument(metavar="ALIAS", help="Name of the alias, such as champion.")]
+IfAt = Annotated[
+    int | None,
+    typer.Option(
+        metavar="SEQ",
+        min=0,
+        help="Only if this is still its last move (`seq` in `models history`; 0: none yet); else exit code 4.",
+        show_default=False,
+    ),
+]
+
+
+@app.command("list")
+def list_models(store: options.Store = None, json: options.Json = False) -> None:
+    """List every model with its versions and what its aliases mean.
+
+    Example:
+      rover-twin models list --store my-store
+    """
+    from service.cli.views.models import list_all
+
+    models, unreadable = list_all(open_store(store))
+    if json:
+        print_json({"models": [{key: each[key] for key in ("name", "versions", "aliases")} for each in models]})
+    else:
+        table = make_table("name", "versions", "aliases", "description", left=4)
+        for each in models:
+            aliases = ", ".join(f"{alias}={version}" for alias, version in each["aliases"].items())
+            versions = ", ".join(map(str, each["versions"]))
+            table.add_row(each["name"], versions, aliases or "-", each["description"])
+        print_answer(table)
+    for reason in unreadable:
+        note(f"error: {reason}")
+    if unreadable:
+        raise typer.Exit(ExitCode.FAILED)
+
+
+@app.command("show")
+def show_version(
+    reference: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME[@VERSION|@ALIAS]", help="A bare name means its champion, else its newest version."
+        ),
+    ],
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Show one version: what it is, where it holds (domain), how good it is, and what it was made from.
+
+    Examples:
+      rover-twin models show viper-lunar
+      rover-twin models show viper-lunar@1 --json
+    """
+    from service.cli.views.models import dataset_names, describe, find_version
+
+    opened = open_store(store)
+    manifest = find_version(opened, reference)
+    if json:
+        print_json(manifest.model_dump(mode="json"))
+        return
+    for part in describe(manifest, dataset_names(opened, manifest)):
+        print_answer(part)
+
+
+@app.command("compare")
+def compare_two(
+    candidate: Annotated[str, typer.Argument(metavar="A", help="NAME[@VERSION|@ALIAS] to be judged.")],
+    against: Annotated[
+        str | None, typer.Argument(metavar="[B]", help="What to judge it beside. Default: the champion of its model.")
+    ] = None,
+    margin: Annotated[
+        float | None, typer.Option(help="How much smaller A's errors must be, as a share, 0 to 0.5. Default: 0.05.")
+    ] = None,
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Say whether A is better than B, on left-out runs: the gate that training jobs pass.
+
+    The exit code is 0 whatever the verdict; --json has it as "verdict" and "promote".
+
+    Examples:
+      rover-twin models compare my-rover@candidate
+      rover-twin models compare viper-lunar@2 viper-lunar@1 --json
+    """
+    from service.cli.views.model_comparison import compare_references, describe_comparison
+
+    compared = compare_references(open_store(store), candidate, against, margin)
+    if json:
+        print_json(compared.describe())
+        return
+    for part in describe_comparison(compared):
+        print_answer(part)
+
+
+@app.command("verify")
+def verify_versions(
+    reference: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME[@VERSION|@ALIAS]]", help="Only this version. Default: all versions."),
+    ] = None,
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Read every file of a version, or of all versions, and compare it with the digest in its manifest.
+
+    Exit code 1 when anything is damaged; everything else is still checked.
+
+    Examples:
+      rover-twin models verify
+      rover-twin models verify viper-lunar@1
+    """
+    from service.cli.views.models import verify
+
+    verdicts = verify(open_store(store), reference)
+    if json:
+        print_json({"versions": [{"version": version, "damage": damage} for version, damage in verdicts]})
+    for version, damage in verdicts:
+        if damage is not None:
+            note(f"error: {version}: {damage}")
+        elif not json:
+            print(f"{version} whole")
+    if any(damage is not None for _, damage in verdicts):
+        raise typer.Exit(ExitCode.FAILED)
+
+
+@app.command("alias")
+def move_alias(
+    name: Name,
+    alias: Alias,
+    version: Annotated[int, typer.Argument(metavar="VERSION", help="Number of a published version.")],
+    reason: options.Reason,
+    if_at: IfAt = None,
+    actor: options.Actor = None,
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Point an alias, new or not, to a version. Services that follow it change over within seconds.
+
+    The version's files are verified first. The move is kept in the alias's history, with who and why.
+
+    Examples:
+      rover-twin models alias my-rover champion 2 --reason "half the error on the test runs"
+
+    Only if nobody has moved it since `models history` showed 3 as its last move:
+      rover-twin models alias my-rover champion 2 --reason "half the error" --if-at 3
+    """
+    check_names(name, alias)
+    opened = open_store(store)
+    opened.verify(name, version)
+    with _unless_overtaken(if_at):
+        moved = opened.move_alias(
+            name, alias, version, actor=options.actor_name(actor), reason=reason, expected_seq=if_at
+        )
+    _show_record(name, alias, moved, json)
+
+
+@app.command("rollback")
+def roll_back(
+    name: Name,
+    alias: Alias,
+    reason: options.Reason,
+    if_at: IfAt = None,
+    actor: options.Actor = None,
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Take the last move of an alias back; like undo, a second rollback goes one version further back.
+
+    Example:
+      rover-twin models rollback my-rover champion --reason "slides where the rover climbed"
+    """
+    opened = open_store(store)
+    with _unless_overtaken(if_at):
+        record = opened.rollback(name, alias, actor=options.actor_name(actor), reason=reason, expected_seq=if_at)
+    _show_record(name, alias, record, json)
+
+
+@app.command("history")
+def show_history(name: Name, alias: Alias, store: options.Store = None, json: options.Json = False) -> None:
+    """Show every move of an alias, newest first: when, by whom and why.
+
+    Example:
+      rover-twin models history viper-lunar champion
+    """
+    records = open_store(store).alias_history(name, alias)[::-1]
+    if json:
+        print_json({"history": [record.model_dump(mode="json") for record in records]})
+        return
+    table = make_table("seq", "version", "time", "actor", "reason", left=5)
+    for record in records:
+        time = record.time.isoformat(timespec="seconds")
+        table.add_row(str(record.seq), str(record.version), time, record.actor, record.reason)
+    print_answer(table)
+
+
+@contextmanager
+def _unless_overtaken(if_at: int | None) -> Iterator[None]:
+    """Whoever says where an alias must be gets a refusal when it is elsewhere."""
+    from model_store import ConflictError
+
+    try:
+        yield
+    except ConflictError as error:
+        if if_at is None:
+            raise
+        raise RefusedError(str(error)) from error
+
+
+def _show_record(name: str, alias: str, record: AliasRecord, json: bool) -> None:
+    if json:
+        print_json(record.model_dump(mode="json"))
+    else:
+        print(f"{name}@{alias} now means version {record.version}")

@@ -1,0 +1,1 @@
+"""How the command line lays out its answers: tables and progress."""

@@ -1,0 +1,87 @@
+"""Checks of the time axis: increasing, from zero to the declared horizon, without holes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from service.datasets.checks.candidate import Candidate
+from service.datasets.columns import BY_NAME
+from service.datasets.findings import MAX_LOCATED, Code, Finding
+
+MIN_ROWS = 10
+"""Fewer rows cannot show a start, a climb and an end."""
+
+GAP_FACTOR = 5.0
+"""A step longer than this many median steps is a hole; solvers with variable step vary less between neighbours."""
+
+GAP_REJECT_S = 0.25
+"""A rover at VIPER's 0.8 m/s moves 20 cm in a hole this long: the learned curve would be a guess."""
+
+
+def rows(run: Candidate) -> Iterator[Finding]:
+    """Enough rows to be a trajectory."""
+    if len(run.time_s) < MIN_ROWS:
+        yield run.reject(Code.TOO_FEW_ROWS, f"{len(run.time_s)} rows, at least {MIN_ROWS} are needed")
+
+
+def increasing(run: Candidate) -> Iterator[Finding]:
+    """Times increase at the stored resolution of a microsecond."""
+    steps = np.diff(np.rint(run.time_s * BY_NAME["time_s"].scale))
+    yield from _disorder(run, np.flatnonzero(steps == 0), Code.TIME_DUPLICATE, "repeats the time of the row before")
+    yield from _disorder(run, np.flatnonzero(steps < 0), Code.TIME_BACKWARD, "is earlier than the row before")
+
+
+def _disorder(run: Candidate, before: npt.NDArray[np.intp], code: Code, what: str) -> Iterator[Finding]:
+    for index in before[:MAX_LOCATED].tolist():
+        now, earlier = run.time_s[index + 1], run.time_s[index]
+        message = f"{now:.9g} {what} ({earlier:.9g}); {len(before)} such rows"
+        if code is Code.TIME_DUPLICATE:
+            message += "; write times with more digits, or each row once"
+        yield run.reject(code, message, at=index + 1, column="time_s")
+
+
+def start(run: Candidate) -> Iterator[Finding]:
+    """Time starts at zero, or one step later: Chrono programs may write after the first step."""
+    first, step = float(run.time_s[0]), float(np.median(np.diff(run.time_s)))
+    if first > 1.5 * step:
+        message = (
+            f"starts at {first:g} s, expected 0 (the moment when wheels are released and motors switched on); "
+            "a column map with zero_start moves it"
+        )
+        yield run.reject(Code.START_TIME, message, at=0, column="time_s")
+
+
+def horizon(run: Candidate) -> Iterator[Finding]:
+    """The last time is the horizon of runs.csv: within two steps or 0.1 %."""
+    declared, end = run.entry.horizon_s, float(run.time_s[-1])
+    if declared is None:
+        return
+    tolerance = max(2.0 * float(np.median(np.diff(run.time_s))), 1e-3 * declared)
+    if end < declared - tolerance:
+        message = f"ends at {end:g} s, runs.csv says horizon_s {declared:g}: the simulation stopped early?"
+        yield run.reject(Code.HORIZON, message, at=len(run.time_s) - 1, column="time_s")
+    elif end > declared + tolerance:
+        message = f"goes on to {end:g} s, runs.csv says horizon_s {declared:g}"
+        yield run.warn(Code.HORIZON, message, at=len(run.time_s) - 1, column="time_s")
+
+
+def step(run: Candidate) -> Iterator[Finding]:
+    """The median step is the `step_s` of runs.csv, where it is given."""
+    declared, median = run.entry.step_s, float(np.median(np.diff(run.time_s)))
+    if declared is not None and not 0.99 * declared <= median <= 1.01 * declared:
+        message = f"median step is {median:g} s, runs.csv says step_s {declared:g}"
+        yield run.warn(Code.STEP, message, column="time_s")
+
+
+def gaps(run: Candidate) -> Iterator[Finding]:
+    """No step is much longer than the median step."""
+    steps = np.diff(run.time_s)
+    median = float(np.median(steps))
+    found = np.flatnonzero(steps > GAP_FACTOR * median)
+    for index in found[:MAX_LOCATED].tolist():
+        message = f"{steps[index]:g} s without a row, the median step is {median:g} s; {len(found)} such gaps"
+        say = run.reject if steps[index] > GAP_REJECT_S else run.warn
+        yield say(Code.SAMPLING_GAP, message, at=index + 1, column="time_s")

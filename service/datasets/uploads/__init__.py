@@ -1,0 +1,1 @@
+"""What a stranger sends, as a dataset: unpacked and read within bounds."""

@@ -1,0 +1,223 @@
+"""Unpacking a zip or tar that a stranger made: only plain files with plain names, and never more than allowed.
+
+Nothing of the archive decides where or how a file is written but its checked name: no links, no owners, no modes.
+One member that is not as it should be refuses the whole archive: honest programs do not write such.
+"""
+
+from __future__ import annotations
+
+import stat
+import struct
+import tarfile
+import zipfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import IO, BinaryIO
+
+from service.datasets.file_names import folded, name_fault, shown
+from service.datasets.findings import MAX_LOCATED, Code, Finding, UnusableFileError, reject
+from service.datasets.readers.sniff import HEAD_BYTES, Kind, is_archive
+from service.datasets.uploads.unpacking import BROKEN, Meter, reraise_system_error
+from service.datasets.uploads.upload_form import UploadLimits
+
+_IGNORED = ("__MACOSX", ".DS_Store", "Thumbs.db", "desktop.ini")
+_METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2}
+_BROKEN = (*BROKEN, zipfile.BadZipFile, tarfile.TarError, NotImplementedError, RuntimeError, struct.error, LookupError)
+_LONGEST_READ = 32 << 10
+"""Long enough for headers with attributes, short enough for the patterns that tarfile searches in them."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Member:
+    """A member as its archive declares it: `fault` is why it must not be unpacked, `open` gives its bytes."""
+
+    name: str
+    size: int
+    is_folder: bool
+    fault: tuple[Code, str] | None
+    open: Callable[[], IO[bytes]]
+
+
+def unpack_archive(source: Path, kind: Kind, target: Path, *, file: str, limits: UploadLimits, meter: Meter) -> None:
+    """Write the plain files of the archive below `target`, an empty folder that exists.
+
+    Raises UnusableFileError with the reasons, up to `MAX_LOCATED` of them; `target` may then hold some files.
+    """
+    try:
+        with source.open("rb") as stream:
+            members = _zip_members(stream, file, limits) if kind is Kind.ZIP else _tar_members(stream)
+            _Unpacker(target, file, limits, meter).unpack(members)
+    except _BROKEN as error:
+        reraise_system_error(error)
+        message = f"broken {kind} archive ({shown(str(error)) or type(error).__name__}); pack and upload it again"
+        raise UnusableFileError([reject(file, Code.BROKEN_ARCHIVE, message)]) from error
+
+
+class _Unpacker:
+    """Writes members one by one and remembers what was written."""
+
+    def __init__(self, target: Path, file: str, limits: UploadLimits, meter: Meter) -> None:
+        self._target, self._file, self._limits, self._meter = target, file, limits, meter
+        self._files: set[str] = set()
+        self._folders: set[str] = set()
+
+    def unpack(self, members: Iterator[_Member]) -> None:
+        faults: list[Finding] = []
+        for count, member in enumerate(members, start=1):
+            if count > self._limits.members:
+                faults.append(_too_many(self._file, self._limits))
+                break
+            fault = self._fault(member)
+            if fault is not None:
+                faults.append(reject(self._file, fault[0], f"member {shown(member.name)!r} {fault[1]}"))
+            elif not faults and not member.is_folder and not _ignored(member.name):
+                self._write(member)
+            if len(faults) >= MAX_LOCATED:
+                break
+        if faults:
+            raise UnusableFileError(faults)
+
+    def _fault(self, member: _Member) -> tuple[Code, str] | None:
+        unsafe = name_fault(member.name, path_length=self._limits.path_length, depth=self._limits.depth)
+        if unsafe is not None and not (member.is_folder and PurePosixPath(member.name) == PurePosixPath()):
+            return Code.UNSAFE_PATH, unsafe
+        return member.fault or (None if member.is_folder else self._clash(member.name))
+
+    def _clash(self, name: str) -> tuple[Code, str] | None:
+        """Two members of one name, or one that is a file here and a folder there."""
+        path, above = folded(name), [folded(str(parent)) for parent in PurePosixPath(name).parents]
+        if path in self._files or path in self._folders or not self._files.isdisjoint(above):
+            return Code.DUPLICATE_NAME, "is there twice (upper and lower case are one)"
+        self._files.add(path)
+        self._folders.update(above)
+        return None
+
+    def _write(self, member: _Member) -> None:
+        name = shown(member.name)
+        self._meter.next_member()
+        path = self._target.joinpath(*PurePosixPath(member.name).parts)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with member.open() as content, path.open("xb") as sink:
+            head = content.read(HEAD_BYTES)
+            if is_archive(head):
+                message = "is itself an archive; put its files straight into the upload"
+                raise UnusableFileError([reject(name, Code.NESTED_ARCHIVE, message)])
+            while head:
+                self._meter.count(len(head), name)
+                sink.write(head)
+                head = content.read(_LONGEST_READ)
+        if path.stat().st_size != member.size:
+            raise EOFError(f"member {name} has {path.stat().st_size} bytes, its header says {member.size}")
+
+
+def _too_many(file: str, limits: UploadLimits) -> Finding:
+    return reject(file, Code.TOO_MANY_FILES, f"more than {limits.members} members, allowed are at most that")
+
+
+def _ignored(name: str) -> bool:
+    """What desktops add by themselves."""
+    parts = PurePosixPath(name).parts
+    return any(part in _IGNORED for part in parts) or parts[-1].startswith("._")
+
+
+def _zip_members(stream: BinaryIO, file: str, limits: UploadLimits) -> Iterator[_Member]:
+    _bound_directory(stream, file, limits)
+    with zipfile.ZipFile(stream) as archive:
+        if len(archive.infolist()) > limits.members:
+            raise UnusableFileError([_too_many(file, limits)])
+        for info in archive.infolist():
+            # `filename` is cut at a NUL, `orig_filename` is what the archive says
+            name, is_folder = info.orig_filename, info.is_dir()
+            yield _Member(name, info.file_size, is_folder, _zip_fault(info), _opener(archive, info))
+
+
+def _opener(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Callable[[], IO[bytes]]:
+    return lambda: archive.open(info)
+
+
+def _zip_fault(info: zipfile.ZipInfo) -> tuple[Code, str] | None:
+    if info.flag_bits & 0x1:
+        return Code.ENCRYPTED, "is encrypted; pack it without a password"
+    kind = stat.S_IFMT(info.external_attr >> 16)
+    if kind == stat.S_IFLNK:
+        return Code.LINK, "is a link; put the file itself into the archive"
+    if kind not in {0, stat.S_IFREG, stat.S_IFDIR}:
+        return Code.SPECIAL_FILE, "is no plain file"
+    if info.compress_type not in _METHODS:
+        return Code.UNSUPPORTED_FORMAT, f"is packed by method {info.compress_type}; pack it with deflate"
+    return None
+
+
+def _bound_directory(stream: BinaryIO, file: str, limits: UploadLimits) -> None:
+    """Refuse a zip whose directory is larger than the allowed members need, before it is read into memory.
+
+    The directory's end record is within the last 65,557 bytes; its 64-bit form, if any, is pointed to by the 20
+    bytes before it (APPNOTE 4.3.14 to 4.3.16).
+    """
+    end = stream.seek(0, 2)
+    start = max(0, end - 65_557)
+    stream.seek(start)
+    tail = stream.read(65_557)
+    at = tail.rfind(b"PK\x05\x06")
+    sizes = [0]
+    if 0 <= at <= len(tail) - 22:
+        sizes.append(struct.unpack_from("<I", tail, at + 12)[0])
+        # 64-bit directory: its size is in the record that lies just before the locator, wherever that says
+        if tail[max(0, at - 20) :][:4] == b"PK\x06\x07":
+            stream.seek(struct.unpack_from("<Q", tail, at - 20 + 8)[0])
+            records = (stream.read(56), tail[max(0, at - 76) : max(0, at - 20)])
+            whole = (record for record in records if record[:4] == b"PK\x06\x06" and len(record) == 56)
+            sizes += [struct.unpack_from("<Q", record, 40)[0] for record in whole]
+            sizes[1] = 0 if sizes[1] == 0xFFFFFFFF else sizes[1]
+    stream.seek(0)
+    most = limits.members * (46 + limits.path_length + 128)
+    if max(sizes) > most:
+        message = f"its directory has {max(sizes)} bytes: more than {limits.members} members, allowed are at most that"
+        raise UnusableFileError([reject(file, Code.TOO_MANY_FILES, message)])
+
+
+class _ShortReads:
+    """A file that is never read whole: headers of a tar say how many bytes to read, be it a gigabyte or minus one."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self.seek, self.tell, self.seekable = stream.seek, stream.tell, stream.seekable
+
+    def read(self, size: int = -1) -> bytes:
+        if not 0 <= size <= _LONGEST_READ:
+            raise tarfile.ReadError(f"a header wants {size} bytes")
+        return self._stream.read(size)
+
+
+def _tar_members(stream: BinaryIO) -> Iterator[_Member]:
+    with tarfile.TarFile(fileobj=_ShortReads(stream), mode="r", errorlevel=2) as archive:  # type: ignore[arg-type]
+        position = -1
+        while (info := archive.next()) is not None:
+            if info.size < 0 or info.offset <= position:
+                raise tarfile.ReadError("its members do not follow each other")
+            position = info.offset
+            yield _Member(info.name, info.size, info.isdir(), _tar_fault(info), _extractor(archive, info))
+            archive.members = []  # type: ignore[attr-defined]  # it would remember each one
+        stream.seek(archive.offset)
+        if stream.read(512).strip(b"\0"):
+            # tarfile takes a broken header for the end
+            raise tarfile.ReadError("a header in the middle of it is broken")
+
+
+def _extractor(archive: tarfile.TarFile, info: tarfile.TarInfo) -> Callable[[], IO[bytes]]:
+    def opened() -> IO[bytes]:
+        content = archive.extractfile(info)
+        if content is None:
+            raise tarfile.ReadError("no content")
+        return content
+
+    return opened
+
+
+def _tar_fault(info: tarfile.TarInfo) -> tuple[Code, str] | None:
+    if info.issym() or info.islnk():
+        return Code.LINK, "is a link; put the file itself into the archive"
+    if not (info.isreg() or info.isdir()) or info.issparse():
+        return Code.SPECIAL_FILE, "is no plain file"
+    return None

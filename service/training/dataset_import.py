@@ -1,0 +1,111 @@
+"""A folder of Chrono runs, or an uploaded file, becomes a dataset in the store."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from model_store import DatasetDraft, DatasetRecord, ModelStore
+from service.datasets import Dataset, ValidationReport, dataset_id, read_folder, read_parquet, to_parquet
+from service.datasets.intake import Progress
+from service.datasets.uploads.upload import read_upload
+from service.datasets.uploads.upload_form import UploadForm, UploadLimits
+from service.errors import DatasetError
+from service.training.stored_dataset import PASSPORT_FILE, RUNS_FILE, UploadResult
+
+_LISTED = 1000  # a record is a small document: names of at most so many files
+
+
+def import_folder(
+    store: ModelStore,
+    folder: str | os.PathLike[str],
+    *,
+    name: str,
+    created_by: str,
+    description: str = "",
+    sets: Collection[str] | None = None,
+    strict: bool = False,
+    column_map: str | Mapping[str, str | int] | None = None,
+    progress: Progress | None = None,
+) -> tuple[DatasetRecord, ValidationReport]:
+    """Read, validate and publish the runs of a folder; the same runs twice are the same dataset.
+
+    Values are rounded to the digits that `service.datasets.columns` states (0.1 micrometre for positions); no sample
+    is left out. Raises what `read_folder` and `ModelStore.put_dataset` raise.
+    """
+    dataset, report = read_folder(folder, sets=sets, strict=strict, column_map=column_map, name=name, progress=progress)
+    record, _ = _publish(store, dataset, report, created_by, description)
+    return record, report
+
+
+def import_upload(
+    store: ModelStore,
+    path: Path,
+    *,
+    filename: str,
+    form: UploadForm,
+    created_by: str,
+    dry_run: bool = False,
+    limits: UploadLimits | None = None,
+    workspace: Path | None = None,
+    progress: Progress | None = None,
+) -> UploadResult:
+    """Read, validate and publish an uploaded file; with `dry_run` only say what would be.
+
+    The same content is the same dataset whatever its file format and name. `filename` is what the sender calls it,
+    for messages only. Whatever is unpacked goes to a folder of its own below `workspace` (the system's temporary
+    folder, if not given) and is removed on return. Raises RejectedDatasetError with the report, InvalidValueError for
+    a column map that is not allowed, and what `ModelStore.put_dataset` raises.
+    """
+    with tempfile.TemporaryDirectory(prefix="upload-", dir=workspace) as unpacked:
+        dataset, report = read_upload(
+            path,
+            filename=filename,
+            workspace=Path(unpacked),
+            form=form,
+            limits=limits or UploadLimits(),
+            progress=progress,
+        )
+    if dry_run:
+        identity = dataset_id(dataset)
+        return UploadResult(identity, False, _known(store, identity), report)
+    record, created = _publish(store, dataset, report, created_by, form.description)
+    return UploadResult(record.id, created, record, report)
+
+
+def _known(store: ModelStore, identity: str) -> DatasetRecord | None:
+    return store.dataset(identity) if identity in store.dataset_ids() else None
+
+
+def _publish(
+    store: ModelStore, dataset: Dataset, report: ValidationReport, created_by: str, description: str
+) -> tuple[DatasetRecord, bool]:
+    """The record, and whether it is new."""
+    identity = dataset_id(dataset)
+    draft = DatasetDraft(
+        name=dataset.name,
+        created_by=created_by,
+        description=description,
+        summary=report.summary.as_json() if report.summary else {},
+        source={"files": list(report.accepted[:_LISTED]), "rejected": list(report.rejected[:_LISTED])},
+    )
+    if (known := _known(store, identity)) is not None:
+        return known, False
+    files = {RUNS_FILE: _runs_file(dataset, identity), PASSPORT_FILE: dataset.passport.canonical_json().encode()}
+    return store.offer_dataset(identity, files, draft)
+
+
+def _runs_file(dataset: Dataset, identity: str) -> bytes:
+    """The same bytes for the same content: no name, and runs in order of theirs.
+
+    So two who import the same runs under different names, one of them perhaps killed half way, do not meet each
+    other's bytes. What was written is read back before anybody relies on it.
+    """
+    ordered = replace(dataset, name=identity[:12], runs=tuple(sorted(dataset.runs, key=lambda run: run.name)))
+    data = to_parquet(ordered)
+    if dataset_id(read_parquet(data)) != identity:
+        raise DatasetError(f"the runs of dataset {identity} do not read back the same; nothing is stored")
+    return data

@@ -1,0 +1,225 @@
+"""Training one version, top to bottom: datasets -> prior -> fit -> evaluation -> publish -> alias."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import safetensors.numpy
+import torch
+
+from model_store import Lineage, Manifest, ManifestDraft, ModelStore
+from service.learning.band import BAND_FILE, Band
+from service.learning.calibration import calibrate_prior, calibrate_wheel_resistance
+from service.learning.checkpoint import WEIGHTS_FILE, describe_model, weights_bytes
+from service.learning.domain import Domain
+from service.learning.evaluate import RunEvaluation, describe_evaluation, evaluate, evaluate_positions, summarise
+from service.learning.network.fit import EpochCallback, FitOutcome
+from service.learning.network.fit_config import FitConfig
+from service.learning.network.fit_state import FitState
+from service.learning.observed import ObservedRun
+from service.learning.split import Split, split_runs
+from service.learning.trajectory_model import TrajectoryModel
+from service.physics.prior import Prior
+from service.physics.priors import make_prior
+from service.physics.scenario import Positions
+from service.training.architectures import Callbacks, Fitted, fit_architecture
+from service.training.config import TrainingConfig
+from service.training.data import TrainingData, load_training_data
+from service.training.provenance import code_version, library_versions
+from service.training.report import error_curves, held_out_report
+
+Announce = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Trained:
+    """A model before it is published, with what it was made from and how well it does.
+
+    `left_out` has, by run, positions from a model that has not seen that run, and `left_out_evaluations` their errors.
+    `left_out_slope_evaluations` are errors of runs predicted from the other slopes of their own series alone. All
+    three are empty where the architecture does not offer that.
+    """
+
+    model: TrajectoryModel
+    data: TrainingData
+    split: Split
+    outcome: FitOutcome
+    domain: Domain
+    band: Band | None
+    train_evaluations: list[RunEvaluation]
+    test_evaluations: list[RunEvaluation]
+    left_out: Mapping[str, Positions]
+    left_out_evaluations: list[RunEvaluation]
+    left_out_slope_evaluations: list[RunEvaluation]
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """What a fit starts from: the data, its split, and the prior calibrated on the training runs."""
+
+    config: TrainingConfig
+    data: TrainingData
+    split: Split
+    prior: Prior
+
+
+def train_model(
+    store: ModelStore,
+    config: TrainingConfig,
+    *,
+    announce: Announce = lambda _phase: None,
+    on_epoch: EpochCallback | None = None,
+    resume: FitState | None = None,
+) -> Trained:
+    """Train without publishing. Raises TrainingError and what the store and the datasets raise."""
+    prepared = prepare(store, config, announce)
+    fitted = fit_prepared(prepared, Callbacks(announce, on_epoch, resume))
+    return evaluate_fitted(prepared, fitted, announce)
+
+
+def prepare(store: ModelStore, config: TrainingConfig, announce: Announce) -> Prepared:
+    """Load and split the datasets. Deterministic. Raises TrainingError and what the store and the datasets raise."""
+    announce("loading datasets")
+    data = load_training_data(store, config.datasets)
+    split = split_runs(
+        data.runs, test_slopes_deg=config.test_slopes_deg, test_fraction=config.test_fraction, seed=config.fit.seed
+    )
+    announce(f"fitting on {len(split.train)} runs")
+    prior = calibrate_prior(make_prior(config.prior, 0.0, data.rover, data.regolith), split.train)
+    return Prepared(config, data, split, prior)
+
+
+def fit_prepared(prepared: Prepared, callbacks: Callbacks, *, fit: FitConfig | None = None) -> Fitted:
+    """Fit what was prepared; `fit` is in place of the config's. Raises TrainingError, and what a callback raises."""
+    config = prepared.config if fit is None else prepared.config.model_copy(update={"fit": fit})
+    return fit_architecture(config, prepared.split.train, prepared.data, prepared.prior, callbacks)
+
+
+def evaluate_fitted(
+    prepared: Prepared, fitted: Fitted, announce: Announce, check: Callable[[], None] = lambda: None
+) -> Trained:
+    """How well the fitted model does, and where it may be trusted. Deterministic.
+
+    `check` is called for each run, and may raise to stop.
+    """
+    announce("evaluating")
+    data, split = prepared.data, prepared.split
+    left_out = evaluate_positions(prepared.prior, split.train, fitted.left_out) if fitted.left_out else []
+    of_series = [run for run in split.train if run.name in fitted.left_out_slopes]
+    errors = {each.run: each.model.final_m for each in left_out}
+    domain = Domain.of_runs(split.train, data.rover, data.regolith, errors)
+    return Trained(
+        model=fitted.model,
+        data=data,
+        split=split,
+        outcome=fitted.outcome,
+        domain=domain,
+        band=Band.calibrate(split.train, fitted.left_out, domain) if fitted.left_out else None,
+        train_evaluations=_evaluate_each(fitted.model, split.train, check),
+        test_evaluations=_evaluate_each(fitted.model, split.test, check),
+        left_out=fitted.left_out,
+        left_out_evaluations=left_out,
+        left_out_slope_evaluations=evaluate_positions(prepared.prior, of_series, fitted.left_out_slopes),
+    )
+
+
+def _evaluate_each(
+    model: TrajectoryModel, runs: Sequence[ObservedRun], check: Callable[[], None]
+) -> list[RunEvaluation]:
+    evaluations = []
+    for run in runs:
+        check()
+        evaluations += evaluate(model, [run])
+    return evaluations
+
+
+def publish_trained(
+    store: ModelStore,
+    config: TrainingConfig,
+    trained: Trained,
+    *,
+    created_by: str,
+    command: str,
+    job: str | None = None,
+    check: Callable[[], None] = lambda: None,
+) -> Manifest:
+    """Publish the trained model as the next version of `config.model`; no alias moves.
+
+    For a `job` that is done once only: later calls return the manifest of the first one. `check` is called when the
+    report is drawn, which takes a second or two, and nothing is written yet; it may raise to leave it at that.
+    """
+    draft = ManifestDraft(
+        created_by=created_by,
+        description=config.description,
+        checkpoint=_checkpoint(trained),
+        domain=trained.domain.describe(),
+        band=trained.band.describe() if trained.band else None,
+        metrics=training_metrics(trained),
+        lineage=_lineage(config, trained, command, job),
+    )
+    files = {
+        WEIGHTS_FILE: weights_bytes(trained.model),
+        "report/train.json": _report(trained.train_evaluations),
+        "report/test.json": _report(trained.test_evaluations),
+    }
+    if trained.band:
+        files[BAND_FILE] = safetensors.numpy.save(trained.band.tensors())
+    if trained.left_out_evaluations:
+        curves = error_curves(trained.split.train, trained.left_out)
+        files |= held_out_report(
+            trained.left_out_evaluations,
+            curves,
+            trained.data.rover,
+            trained.data.regolith,
+            trained.left_out_slope_evaluations,
+        )
+    check()
+    return store.publish(config.model, files, draft, once_key=job)
+
+
+def _lineage(config: TrainingConfig, trained: Trained, command: str, job: str | None) -> Lineage:
+    return Lineage(
+        job=job,
+        datasets=[record.id for record in trained.data.records],
+        split={
+            "train": [run.name for run in trained.split.train],
+            "test": [run.name for run in trained.split.test],
+            "validation": "leave one run out"
+            if trained.left_out_evaluations
+            else "every fourth sample of each training run",
+        },
+        seed=config.fit.seed,
+        threads=torch.get_num_threads(),
+        config=config.model_dump(mode="json"),
+        libraries=library_versions(),
+        code_version=code_version(),
+        command=command,
+    )
+
+
+def _checkpoint(trained: Trained) -> dict[str, Any]:
+    data = trained.data
+    resistance = calibrate_wheel_resistance(data.rover, data.regolith, trained.split.train)
+    return describe_model(trained.model) | {
+        "wheel_motion_resistance": resistance,
+        "reference_body": data.reference_body,
+        "frame": data.frame,
+    }
+
+
+def training_metrics(trained: Trained) -> dict[str, Any]:
+    """Errors on runs that were tested, left out and trained on, and how the fit went: plain JSON content."""
+    return {
+        "test": describe_evaluation(trained.test_evaluations),
+        "left_out": describe_evaluation(trained.left_out_evaluations),
+        "left_out_slopes": describe_evaluation(trained.left_out_slope_evaluations),
+        "train": summarise(trained.train_evaluations),
+        "fit": asdict(trained.outcome),
+    }
+
+
+def _report(evaluations: list[RunEvaluation]) -> bytes:
+    return json.dumps(describe_evaluation(evaluations), indent=1, allow_nan=False).encode()

@@ -1,0 +1,214 @@
+"""What a client sends to ask for many predictions at once: scenarios, each of which may be wrong, and what they share.
+
+What they share is checked as a single prediction's fields are, and by the same model.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+import orjson
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, create_model
+
+from service.errors import InvalidValueError
+from service.physics.scenario import Array
+from service.settings import LIMITS
+from service.twin import Scenario, sample_grid
+from service.twin.scenario import sample_count
+from service.wire.faults import (
+    InputFault,
+    InvalidInputError,
+    MalformedBodyError,
+    fault,
+    faults_of,
+    require_unique,
+    unknown_field,
+)
+from service.wire.prediction import ALLOWED, PredictionBody, PredictionInputs, smallest_step_s
+
+MAX_SCENARIOS = 1000
+POINTS_FACTOR = 10
+"""A batch may have that many times the points of one trajectory."""
+
+_FIELDS = PredictionInputs.model_fields
+_OF_SCENARIO = ("slope_deg", "mass_kg", "torque_nm", "horizon_s")
+_SHARED = tuple(name for name in _FIELDS if name not in _OF_SCENARIO)
+_ALLOWED = {name: ALLOWED[name] for name in (*_OF_SCENARIO, *_SHARED)} | {
+    "scenarios": f"a list of 1 to {MAX_SCENARIOS} scenarios"
+}
+_SCENARIO_ALLOWED = {name: ALLOWED[name] for name in _OF_SCENARIO}
+_BODY_FIELDS = ("scenarios", *_SHARED)
+_STAND_IN = {"slope_deg": 0.0, "mass_kg": 100.0, "torque_nm": 0.0}
+
+
+class BatchScenario(BaseModel):
+    """One of many scenarios."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+    slope_deg: Annotated[float, *_FIELDS["slope_deg"].metadata, Field(description=_FIELDS["slope_deg"].description)]
+    mass_kg: Annotated[float, *_FIELDS["mass_kg"].metadata, Field(description=_FIELDS["mass_kg"].description)]
+    torque_nm: Annotated[float, *_FIELDS["torque_nm"].metadata, Field(description=_FIELDS["torque_nm"].description)]
+    horizon_s: Annotated[float, *_FIELDS["horizon_s"].metadata, Field(description=_FIELDS["horizon_s"].description)] = (
+        _FIELDS["horizon_s"].default
+    )
+
+
+_scenarios = TypeAdapter(list[BatchScenario])
+
+_EXAMPLE: dict[str, Any] = {
+    "scenarios": [
+        {"slope_deg": 28, "mass_kg": 430, "torque_nm": 60},
+        {"slope_deg": 20, "mass_kg": 550, "torque_nm": 60, "horizon_s": 5},
+    ],
+    "dt_s": 0.1,
+}
+_shared_fields: dict[str, Any] = {name: (_FIELDS[name].annotation, _FIELDS[name]) for name in _SHARED}
+BatchBody = create_model(
+    "BatchBody",
+    __config__=ConfigDict(extra="forbid", json_schema_extra={"examples": [_EXAMPLE]}),
+    __doc__="Many scenarios, and what they share.",
+    scenarios=(
+        list[BatchScenario],
+        Field(
+            min_length=1,
+            max_length=MAX_SCENARIOS,
+            description="The scenarios. One that is refused is listed under `errors`; the others are answered.",
+        ),
+    ),
+    **_shared_fields,
+)
+"""The body as the OpenAPI document shows it; `read_batch` reads it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BatchQuestion:
+    """What was asked. `indices` (row,) are the places of `scenarios` among all that were sent, of which `failures`
+    were refused: by their place, what is wrong. `shared` has what the scenarios share; its own scenario means nothing.
+
+    `times_s` (time,) are the times that were sent, None where `dt_s` makes them.
+    """
+
+    shared: PredictionInputs
+    scenarios: tuple[Scenario, ...]
+    indices: npt.NDArray[np.intp]
+    failures: Mapping[int, Exception]
+    times_s: Array | None
+
+    def grid(self, max_points: int) -> Array:
+        """The times of the scenarios, (time,) or (scenario, time): see `sample_grid`.
+
+        Raises InvalidValueError where a trajectory would have more than `max_points` points, or all of them more than
+        ten times as many, counted as if each were as long as the longest.
+        """
+        count = len(self.scenarios)
+        most = max(2, min(max_points, POINTS_FACTOR * max_points // max(count, 1)))
+        limit = f"at most {most} points for each of {count} scenarios"
+        if self.times_s is not None:
+            if len(self.times_s) > most:
+                raise InvalidValueError("times_s", f"{len(self.times_s)} times", limit)
+            return self.times_s
+        if not count:
+            return np.empty(0)
+        horizons, dt_s = [each.horizon_s for each in self.scenarios], self.shared.dt_s
+        longest = max(horizons)
+        if sample_count(longest, dt_s) > most:
+            finest = f"{smallest_step_s(longest, most):g} to {LIMITS.dt_s[1]:g}"
+            raise InvalidValueError("dt_s", dt_s, f"{finest} for a horizon_s of {longest:g} ({limit})")
+        return sample_grid(horizons, dt_s)
+
+
+def read_batch(body: bytes) -> BatchQuestion:
+    """The question in a JSON body. Scenarios that are wrong are among its failures.
+
+    Raises InvalidInputError and InvalidValueError for what concerns all of them, and MalformedBodyError for an empty
+    body and for what is no JSON.
+    """
+    document = _object_in(body)
+    strangers = [name for name in document if name not in _BODY_FIELDS]
+    if strangers:
+        allowed = "one of " + ", ".join(_BODY_FIELDS)
+        raise InvalidInputError(*(unknown_field(name, document[name], allowed) for name in strangers[:20]))
+    sent = document.pop("scenarios", None)
+    if not isinstance(sent, list) or not 1 <= len(sent) <= MAX_SCENARIOS:
+        said = f"{len(sent)} scenarios" if isinstance(sent, list) else sent
+        raise InvalidInputError(fault("scenarios", said, _ALLOWED["scenarios"]))
+    try:
+        shared = PredictionBody.model_validate(document | _STAND_IN)
+    except ValidationError as error:
+        raise InvalidInputError(*_faults(error, _ALLOWED)) from error
+    times = shared.sampled()[1] if shared.times_s else None
+    good, failures = _checked(sent)
+    if times is not None:
+        horizon = float(times[-1])
+        for at, each in good.items():
+            if "horizon_s" in each.model_fields_set and each.horizon_s != horizon:
+                allowed = f"the last of times_s, which is {horizon:.12g}"
+                failures[at] = InvalidValueError("horizon_s", each.horizon_s, allowed)
+        good = {at: each for at, each in good.items() if at not in failures}
+    scenarios = tuple(
+        Scenario(each.slope_deg, each.mass_kg, each.torque_nm, each.horizon_s if times is None else horizon)
+        for each in good.values()
+    )
+    return BatchQuestion(shared, scenarios, np.array(list(good), dtype=np.intp), failures, times)
+
+
+def _object_in(body: bytes) -> dict[str, Any]:
+    if not body:
+        raise MalformedBodyError("the body is empty; send a JSON object")
+    try:
+        document = orjson.loads(body)
+        # Each name has a colon after it. Where there are more colons than names, texts have some, or names repeat.
+        if body.count(b":") != _names_in(document):
+            json.loads(body, object_pairs_hook=_without_repeats)
+    except (RecursionError, ValueError) as error:
+        reason = "it is nested too deeply" if isinstance(error, RecursionError) else str(error)[:200]
+        raise MalformedBodyError(f"the body cannot be read: {reason}") from error
+    if not isinstance(document, dict):
+        raise InvalidInputError(fault("body", document, "a JSON object"))
+    return document
+
+
+def _names_in(node: object) -> int:
+    """How many names the two outer levels of objects have: enough for a body as it should be."""
+    if not isinstance(node, dict):
+        return 0
+    lists = (each for each in node.values() if isinstance(each, list))
+    return len(node) + sum(len(each) for inner in lists for each in inner if isinstance(each, dict))
+
+
+def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    require_unique(pairs, _ALLOWED)
+    return dict(pairs)
+
+
+def _checked(sent: list[Any]) -> tuple[dict[int, BatchScenario], dict[int, Exception]]:
+    """The scenarios that can be, by their place, and what is wrong with the others."""
+    try:
+        return dict(enumerate(_scenarios.validate_python(sent))), {}
+    except ValidationError as error:
+        errors: dict[int, list[Any]] = defaultdict(list)
+        for each in error.errors(include_url=False):
+            errors[int(each["loc"][0])].append(each)
+    failures: dict[int, Exception] = {
+        at: InvalidInputError(
+            *(faults_of(some, _SCENARIO_ALLOWED) if isinstance(sent[at], dict) else [_none(sent[at])])
+        )
+        for at, some in errors.items()
+    }
+    left = [at for at in range(len(sent)) if at not in failures]
+    return dict(zip(left, _scenarios.validate_python([sent[at] for at in left]), strict=True)), failures
+
+
+def _none(value: object) -> InputFault:
+    return fault("scenario", value, "a JSON object with " + ", ".join(_OF_SCENARIO))
+
+
+def _faults(error: ValidationError, allowed: Mapping[str, str]) -> list[InputFault]:
+    return faults_of([{**each, "loc": ("body", *each["loc"])} for each in error.errors(include_url=False)], allowed)

@@ -1,0 +1,46 @@
+"""The forms of many predictions, in a closed table by name and media type."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+
+from service.wire.batch_forms.arrow import encode_batch_arrow
+from service.wire.batch_forms.json import encode_batch_json
+from service.wire.batch_forms.ndjson import batch_lines
+from service.wire.batch_forms.npz import encode_batch_npz
+from service.wire.batch_forms.subject import BatchSubject
+from service.wire.forms import MEDIA_TYPES
+
+
+class BatchFormat(StrEnum):
+    """Names of the forms, as `?format=` takes them; of equal wishes the first one wins."""
+
+    JSON = "json"
+    NDJSON = "ndjson"
+    NPZ = "npz"
+    ARROW = "arrow"
+
+
+@dataclass(frozen=True, slots=True)
+class BatchEncoder:
+    """How one form is written: whole, or, a `stream`, in chunks. `text` is worth compressing."""
+
+    media_type: str
+    encode: Callable[[BatchSubject], bytes] | None = None
+    stream: Callable[[BatchSubject], Iterable[bytes]] | None = None
+    text: bool = False
+
+
+BATCH_ENCODERS: Mapping[BatchFormat, BatchEncoder] = MappingProxyType(
+    {
+        BatchFormat.JSON: BatchEncoder(MEDIA_TYPES["json"], encode_batch_json, text=True),
+        BatchFormat.NDJSON: BatchEncoder("application/x-ndjson", stream=batch_lines),
+        BatchFormat.NPZ: BatchEncoder(MEDIA_TYPES["npz"], encode_batch_npz),
+        BatchFormat.ARROW: BatchEncoder(MEDIA_TYPES["arrow"], encode_batch_arrow),
+    }
+)
+
+__all__ = ["BATCH_ENCODERS", "BatchEncoder", "BatchFormat", "BatchSubject"]

@@ -1,0 +1,35 @@
+"""A batch as one JSON object of columns: `service.wire.batch_answer.BatchAnswer`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from service.physics.scenario import Array
+from service.wire.batch_forms.subject import BatchSubject
+from service.wire.forms.numbers import dump
+
+
+def encode_batch_json(subject: BatchSubject) -> bytes:
+    """UTF-8. Each column has an entry for each scenario answered: a number, or a list with one for each of its times.
+
+    `time_s` is one list where all scenarios share it, else a list of lists. Raises NonFiniteError.
+    """
+    counts, time, about = subject.counts(), subject.time_s(), subject.about()
+    answer: dict[str, Any] = {"model": about["model"], "frame": about["frame"], **subject.tables()}
+    for group, columns in subject.groups().items():
+        answer[group] = {**about.get(group, {}), **{name: _rows(each, counts) for name, each in columns.items()}}
+    shared = time if time.ndim == 1 else _rows(time, counts)
+    answer["trajectory"] = {"time_s": shared, **answer["trajectory"]}
+    return dump(answer | {"errors": about["errors"]})
+
+
+def _rows(column: Array, counts: npt.NDArray[np.intp]) -> Array | Sequence[Array]:
+    """Each row without what only fills it up."""
+    whole = np.ascontiguousarray(column)
+    if (counts == column.shape[1]).all():
+        return whole
+    return [row[:count] for row, count in zip(whole, counts.tolist(), strict=True)]

@@ -1,0 +1,72 @@
+"""The forms of one prediction, in a closed table by name and media type. A new form is one file and one row here.
+
+Forms that need a large library import it on their first use: serving JSON costs neither pyarrow nor matplotlib.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+
+from service.wire.forms.arrow import encode_arrow
+from service.wire.forms.csv import encode_csv, header_fields
+from service.wire.forms.json import encode_json
+from service.wire.forms.npz import encode_npz
+from service.wire.forms.plot import encode_png, encode_svg
+from service.wire.forms.subject import Subject
+from service.wire.forms.usda import encode_usda
+
+
+class Format(StrEnum):
+    """Names of the forms of a prediction, as `?format=` takes them; of equal wishes the first one wins."""
+
+    JSON = "json"
+    CSV = "csv"
+    NPZ = "npz"
+    ARROW = "arrow"
+    USDA = "usda"
+    SVG = "svg"
+    PNG = "png"
+
+
+class TableFormat(StrEnum):
+    """Names of the forms of an answer that is no trajectory."""
+
+    JSON = "json"
+    CSV = "csv"
+
+
+@dataclass(frozen=True, slots=True)
+class Encoder:
+    """How one form is written. `text` forms are UTF-8, worth compressing, and fit for a terminal.
+
+    `points_at_once` are written in about a third of a millisecond: for no more of them the event loop itself may do it.
+    """
+
+    media_type: str
+    encode: Callable[[Subject], bytes]
+    text: bool
+    points_at_once: int
+
+    def headers(self, subject: Subject) -> dict[str, str]:
+        """The response headers that say what a body may not."""
+        return header_fields(subject)
+
+
+ENCODERS: Mapping[Format, Encoder] = MappingProxyType(
+    {
+        Format.JSON: Encoder("application/json", encode_json, text=True, points_at_once=4_000),
+        Format.CSV: Encoder("text/csv", encode_csv, text=True, points_at_once=1_000),
+        Format.NPZ: Encoder("application/x-npz", encode_npz, text=False, points_at_once=25_000),
+        Format.ARROW: Encoder("application/vnd.apache.arrow.stream", encode_arrow, text=False, points_at_once=25_000),
+        Format.USDA: Encoder("model/vnd.usda", encode_usda, text=True, points_at_once=300),
+        Format.SVG: Encoder("image/svg+xml", encode_svg, text=True, points_at_once=0),
+        Format.PNG: Encoder("image/png", encode_png, text=False, points_at_once=0),
+    }
+)
+MEDIA_TYPES: Mapping[str, str] = MappingProxyType({form.value: each.media_type for form, each in ENCODERS.items()})
+"""Media types by the name of the form."""
+
+__all__ = ["ENCODERS", "MEDIA_TYPES", "Encoder", "Format", "Subject", "TableFormat"]

@@ -1,0 +1,39 @@
+"""A prediction as an Arrow IPC stream: `pyarrow.ipc.open_stream(body).read_all()`."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+from service.wire.forms.numbers import dump, require_finite_columns
+from service.wire.forms.subject import Subject
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+def encode_arrow(subject: Subject) -> bytes:
+    """One record batch with a float64 column for each column of the prediction, none of them null.
+
+    The metadata of the schema has `frame` as plain text and JSON objects under the other names of `Subject.about`;
+    the metadata of each field has its `unit`. Raises NonFiniteError.
+    """
+    import pyarrow as pa  # noqa: PLC0415 - half a second that only those pay who ask for Arrow
+
+    columns, about = subject.columns(), subject.about()
+    require_finite_columns(columns, "answer")
+    units = about["units"]
+    fields = [pa.field(name, pa.float64(), nullable=False, metadata={"unit": units[name]}) for name in columns]
+    metadata = {name: part if isinstance(part, str) else dump(part) for name, part in about.items()}
+    batch = pa.record_batch([pa.array(values) for values in columns.values()], pa.schema(fields, metadata))
+    return stream_of(batch)
+
+
+def stream_of(batch: pa.RecordBatch) -> bytes:
+    """The IPC stream of one record batch."""
+    import pyarrow as pa  # noqa: PLC0415 - as above
+
+    sink = io.BytesIO()
+    with pa.ipc.new_stream(sink, batch.schema) as stream:
+        stream.write_batch(batch)
+    return sink.getvalue()

@@ -1,0 +1,260 @@
+"""What a client sends to ask for a prediction: one definition of the fields, read from a query or from a JSON body."""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from typing import Annotated
+
+import numpy as np
+import orjson
+from pydantic import BaseModel, BeforeValidator, ConfigDict, FailFast, Field
+from pydantic.json_schema import SkipJsonSchema
+
+from service.allowed import allowed_fields
+from service.errors import InvalidValueError
+from service.learning.band import HIGHEST_LEVEL, LOWEST_LEVEL, USUAL_LEVEL
+from service.physics.scenario import Array
+from service.settings import LIMITS
+from service.twin import Frame, Scenario, sample_times
+from service.twin.scenario import sample_count
+from service.wire.forms import Format, TableFormat
+
+_REFERENCE = r"^[a-z0-9][a-z0-9-]{0,62}(@([a-z][a-z0-9-]{0,62}|[1-9][0-9]{0,8}))?$"
+
+_Time = Annotated[float, Field(ge=0, le=LIMITS.horizon_s[1])]
+_TIMES = f"rising times from 0 to {LIMITS.horizon_s[1]:g}, the last one at least {LIMITS.horizon_s[0]:g}"
+
+
+class Include(StrEnum):
+    """Parts of the answer that come on request only."""
+
+    PRIOR = "prior"
+    BAND = "band"
+
+
+class PredictionInputs(BaseModel):
+    """The scenario, how finely to sample it, and who answers how."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    slope_deg: Annotated[
+        float,
+        Field(
+            ge=-LIMITS.slope_deg,
+            le=LIMITS.slope_deg,
+            description="Slope of the terrain in degrees; positive means that the rover faces uphill.",
+            examples=[28],
+        ),
+    ]
+    mass_kg: Annotated[
+        float,
+        Field(ge=LIMITS.mass_kg[0], le=LIMITS.mass_kg[1], description="Mass of the rover in kg.", examples=[430]),
+    ]
+    torque_nm: Annotated[
+        float,
+        Field(
+            ge=LIMITS.torque_nm[0],
+            le=LIMITS.torque_nm[1],
+            description="Stall torque of the motor of each wheel in N m: what it gives when the wheel stands still.",
+            examples=[60],
+        ),
+    ]
+    horizon_s: Annotated[
+        float,
+        Field(
+            ge=LIMITS.horizon_s[0],
+            le=LIMITS.horizon_s[1],
+            description="How far to predict, in seconds from rest. With `times_s` it is the last of them.",
+            examples=[10],
+        ),
+    ] = 10.0
+    dt_s: Annotated[
+        float,
+        Field(
+            ge=LIMITS.dt_s[0],
+            le=LIMITS.dt_s[1],
+            description="Time between two points in seconds. The horizon itself is always the last point. "
+            "A trajectory has at most 100,000 points unless the operator set another limit.",
+            examples=[0.05],
+        ),
+    ] = 0.05
+    times_s: Annotated[
+        list[_Time],
+        FailFast(),
+        Field(
+            min_length=1,
+            description="The times to answer at, in seconds from rest, rising; instead of `dt_s`. The last one is the "
+            "horizon. At most 100,000 unless the operator set another limit.",
+            examples=[[0, 0.5, 2, 10]],
+            default_factory=list,  # empty: left out; nobody can send that
+            json_schema_extra={"x-allowed": _TIMES},
+        ),
+    ]
+    model: Annotated[
+        str,
+        Field(
+            pattern=_REFERENCE,
+            description="Which model answers: `name`, `name@3` (a version) or `name@champion` (an alias). "
+            "Without it, the service's default model.",
+            examples=["viper-lunar@champion"],
+            default_factory=str,  # empty: left out; nobody can send that
+            json_schema_extra={"x-allowed": "name, name@version or name@alias, with a-z, 0-9 and - in names"},
+        ),
+    ]
+    frame: Annotated[
+        Frame,
+        Field(
+            strict=False,
+            description="Frame of the positions. `slope`: x along the slope, positive uphill, y normal to it. "
+            "`world`: x horizontal, z up. x starts at zero; y counts from the undeformed surface.",
+        ),
+    ] = Frame.SLOPE
+    include: Annotated[
+        list[Annotated[Include, Field(strict=False)]],
+        Field(
+            max_length=len(Include),
+            description="Parts to add: `prior` is the closed-form solution alone, without the learned correction. "
+            "`band` is an interval for x and one for y at each time, slope frame only; it is refused by a version "
+            "that was published without one.",
+            examples=[["prior", "band"]],
+        ),
+    ] = []
+    band_level: Annotated[
+        float,
+        Field(
+            ge=LOWEST_LEVEL,
+            le=HIGHEST_LEVEL,
+            description="How often the truth shall lie in the band, time by time; matters with `include=band` only.",
+            examples=[0.9],
+        ),
+    ] = USUAL_LEVEL
+    strict: Annotated[
+        bool,
+        Field(description="Refuse a scenario outside the model's domain with a 422 instead of answering a verdict."),
+    ] = False
+
+    @property
+    def wanted_band_level(self) -> float | None:
+        """The level of the band that was asked for; None without `include=band`."""
+        return self.band_level if Include.BAND in self.include else None
+
+    @property
+    def wants_prior(self) -> bool:
+        """Whether the prior's positions were asked for."""
+        return Include.PRIOR in self.include
+
+    def question(self) -> bytes:
+        """What decides the answer of a given version, in one way only; the same for questions that mean the same."""
+        scenario = self.slope_deg, self.mass_kg, self.torque_nm, self.horizon_s, self.dt_s, self.times_s
+        return orjson.dumps((scenario, self.frame, self.wants_prior, self.wanted_band_level, self.strict))
+
+    @property
+    def points(self) -> int:
+        """How many points the trajectory has. Never fewer than what `sampled` returns."""
+        return len(self.times_s) if self.times_s else sample_count(self.horizon_s, self.dt_s)
+
+    def sampled(self) -> tuple[Scenario, Array]:
+        """The scenario, and the times to answer at: shape (time,), s, the last one the scenario's horizon.
+
+        Raises InvalidValueError for times that do not rise, end too early or at another time than a horizon that was
+        given, and for times beside a step.
+        """
+        times = self._own_times() if self.times_s else sample_times(self.horizon_s, self.dt_s)
+        return Scenario(self.slope_deg, self.mass_kg, self.torque_nm, float(times[-1])), times
+
+    def _own_times(self) -> Array:
+        times = np.array(self.times_s, dtype=np.float64)
+        steps = np.diff(times)
+        if not (steps > 0).all():
+            at = int((steps <= 0).argmax())
+            raise InvalidValueError("times_s", f"{times[at]:.12g}, {times[at + 1]:.12g}", _TIMES)
+        if times[-1] < LIMITS.horizon_s[0]:
+            raise InvalidValueError("times_s", float(times[-1]), _TIMES)
+        if "dt_s" in self.model_fields_set:
+            raise InvalidValueError("dt_s", self.dt_s, "nothing beside times_s: one of them says when to answer")
+        if "horizon_s" in self.model_fields_set and self.horizon_s != times[-1]:
+            raise InvalidValueError("horizon_s", self.horizon_s, f"the last of times_s, which is {times[-1]:.12g}")
+        return times
+
+
+class PredictionBody(PredictionInputs):
+    """A prediction asked for as a JSON object. Numbers must be numbers: `"28"` and `true` are refused."""
+
+    model_config = ConfigDict(
+        strict=True, json_schema_extra={"examples": [{"slope_deg": 28, "mass_kg": 430, "torque_nm": 60}]}
+    )
+
+
+_FORMAT = Field(description="Form of the answer; it wins over the `Accept` header. Without both, JSON.")
+
+
+class FormatQuery(BaseModel):
+    """How a prediction is written; it belongs to the address, not to the scenario."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Annotated[Format | SkipJsonSchema[None], _FORMAT] = None
+
+
+class TableFormatQuery(BaseModel):
+    """How an answer that is no trajectory is written."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Annotated[TableFormat | SkipJsonSchema[None], _FORMAT] = None
+
+
+def _split_commas(value: object) -> object:
+    """`include=a,b` and `include=a&include=b` mean the same in a query."""
+    if isinstance(value, list):
+        return [part for each in value for part in str(each).split(",")]
+    return value
+
+
+class PredictionQuery(FormatQuery, PredictionInputs):
+    """A prediction asked for in the query of a GET; text becomes numbers."""
+
+    include: Annotated[
+        list[Include],
+        BeforeValidator(_split_commas),
+        Field(
+            max_length=len(Include),
+            description=str(PredictionInputs.model_fields["include"].description) + " Several with commas.",
+        ),
+    ] = []
+    times_s: Annotated[
+        list[_Time],
+        FailFast(),
+        BeforeValidator(_split_commas),
+        Field(
+            min_length=1,
+            description=str(PredictionInputs.model_fields["times_s"].description) + " With commas between them; a long "
+            "list is for a POST.",
+            examples=[[0, 0.5, 2, 10]],
+            default_factory=list,  # empty: left out; nobody can send that
+            json_schema_extra={"x-allowed": _TIMES},
+        ),
+    ]
+
+
+ALLOWED = allowed_fields(PredictionQuery.model_json_schema())
+"""What each field of a prediction accepts, in words."""
+
+
+def require_few_points(asked: PredictionInputs, max_points: int) -> None:
+    """Raises InvalidValueError, with the steps that this horizon allows, for more than `max_points` points."""
+    if asked.points <= max_points:
+        return
+    if asked.times_s:
+        raise InvalidValueError("times_s", f"{asked.points} times", f"at most {max_points} times")
+    finest = smallest_step_s(asked.horizon_s, max_points)
+    allowed = f"{finest:g} to {LIMITS.dt_s[1]:g} for a horizon_s of {asked.horizon_s:g} (at most {max_points} points)"
+    raise InvalidValueError("dt_s", asked.dt_s, allowed)
+
+
+def smallest_step_s(horizon_s: float, max_points: int) -> float:
+    """The smallest step that keeps to `max_points`, rounded up to three significant digits so that it can be typed."""
+    exact = max(horizon_s / (max_points - 1), LIMITS.dt_s[0])
+    unit = 10.0 ** (math.floor(math.log10(exact)) - 2)
+    return float(f"{math.ceil(exact / unit * (1 - 1e-12)) * unit:.3g}")

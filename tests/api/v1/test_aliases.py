@@ -1,0 +1,217 @@
+"""Moving aliases: nobody overwrites a move that he has not seen, every move is on record, rollback takes one back."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from tests.fair_clock import fair_clock
+
+CHAMPION = "/v1/models/viper-lunar/aliases/champion"
+
+
+def move(admin, version, reason="for a test", path=CHAMPION, **headers):
+    sent = {name.replace("_", "-"): value for name, value in headers.items()}
+    return admin.client.put(path, json={"version": version, "reason": reason}, headers=sent)
+
+
+def roll_back(admin, **headers):
+    sent = {name.replace("_", "-"): value for name, value in headers.items()}
+    return admin.client.post(f"{CHAMPION}/rollback", headers=sent)
+
+
+@pytest.fixture
+def three(store, publish):
+    return [publish(store, coefficient=coefficient) for coefficient in (0.1, 0.2, 0.3)]
+
+
+def test_a_new_alias_is_created_and_an_old_one_moves_by_its_etag(admin, three):
+    created = move(admin, 1, "the first")
+    read = admin.get(CHAMPION)
+    moved = move(admin, 2, "better", If_Match=read.headers["etag"], X_Actor="jane")
+
+    assert (created.status_code, moved.status_code) == (201, 200)
+    assert created.headers["etag"] == read.headers["etag"] == '"1"'
+    assert moved.headers["etag"] == admin.get(CHAMPION).headers["etag"] == '"2"'
+    assert created.json() == read.json()
+    assert moved.json() == admin.get(CHAMPION).json()
+    history = admin.get(f"{CHAMPION}/history").json()["history"]
+    assert [(each["version"], each["actor"], each["reason"]) for each in history] == [
+        (2, "admin:jane", "better"),
+        (1, "admin", "the first"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("conditions", "status", "problem"),
+    [
+        ({}, 428, "precondition-required"),
+        ({"If_Match": '"1"'}, 412, "precondition-failed"),
+        ({"If_Match": 'W/"2"'}, 412, "precondition-failed"),
+        ({"If_Match": '"02"'}, 412, "precondition-failed"),
+        ({"If_Match": '"1", "3"'}, 412, "precondition-failed"),
+        ({"If_None_Match": "*"}, 412, "precondition-failed"),
+        ({"If_Match": '"2"', "If_None_Match": "*"}, 412, "precondition-failed"),
+        ({"If_Match": "2"}, 422, "invalid-input"),
+        ({"If_Match": ""}, 422, "invalid-input"),
+        ({"If_None_Match": '"2"'}, 422, "invalid-input"),
+        ({"If_Match": '"2"'}, 200, None),
+        ({"If_Match": '"1", "2"'}, 200, None),
+        ({"If_Match": "*"}, 200, None),
+    ],
+)
+def test_preconditions_of_an_alias_that_is_there(admin, store, three, conditions, status, problem):
+    move(admin, 1)
+    move(admin, 2, If_Match='"1"')
+
+    answer = move(admin, 3, **conditions)
+
+    assert answer.status_code == status, answer.text
+    assert store.alias("viper-lunar", "champion").version == (3 if status == 200 else 2)
+    if problem:
+        assert answer.json()["type"].endswith(problem)
+
+
+@pytest.mark.parametrize(
+    ("conditions", "status"),
+    [({}, 201), ({"If_None_Match": "*"}, 201), ({"If_Match": "*"}, 412), ({"If_Match": '"1"'}, 412)],
+)
+def test_preconditions_of_an_alias_that_is_new(admin, store, three, conditions, status):
+    answer = move(admin, 1, **conditions)
+
+    assert answer.status_code == status, answer.text
+    assert ("champion" in store.aliases("viper-lunar")) == (status == 201)
+
+
+def test_of_many_who_move_the_alias_that_they_all_saw_one_wins(admin, store, three):
+    move(admin, 1)
+
+    with ThreadPoolExecutor(8) as pool:
+        answers = list(pool.map(lambda number: move(admin, 2, f"mover {number}", If_Match='"1"'), range(8)))
+
+    statuses = sorted(answer.status_code for answer in answers)
+    assert statuses == [200] + [412] * 7
+    winner = next(answer.json()["reason"] for answer in answers if answer.is_success)
+    assert [record.reason for record in store.alias_history("viper-lunar", "champion")] == ["for a test", winner]
+
+
+def test_of_many_who_create_an_alias_one_wins(admin, store, three):
+    with ThreadPoolExecutor(8) as pool:
+        answers = list(pool.map(lambda number: move(admin, 2, f"mover {number}", If_None_Match="*"), range(8)))
+
+    assert sorted(answer.status_code for answer in answers) == [201] + [412] * 7
+    assert len(store.alias_history("viper-lunar", "champion")) == 1
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "status", "problem"),
+    [
+        (CHAMPION, {"version": 9, "reason": "x"}, 404, "version-not-found"),
+        ("/v1/models/no-such/aliases/champion", {"version": 1, "reason": "x"}, 404, "model-not-found"),
+        ("/v1/models/UPPER/aliases/champion", {"version": 1, "reason": "x"}, 404, "model-not-found"),
+        ("/v1/models/viper-lunar/aliases/3", {"version": 1, "reason": "x"}, 422, "invalid-input"),
+        ("/v1/models/viper-lunar/aliases/Champion", {"version": 1, "reason": "x"}, 422, "invalid-input"),
+        (CHAMPION, {"version": "1", "reason": "x"}, 422, "invalid-input"),
+        (CHAMPION, {"version": 1.5, "reason": "x"}, 422, "invalid-input"),
+        (CHAMPION, {"version": True, "reason": "x"}, 422, "invalid-input"),
+        (CHAMPION, {"version": 0, "reason": "x"}, 422, "invalid-input"),
+        (CHAMPION, {"version": 1}, 422, "invalid-input"),
+        (CHAMPION, {"version": 1, "reason": ""}, 422, "invalid-input"),
+        (CHAMPION, {"version": 1, "reason": "x" * 4001}, 422, "invalid-input"),
+        (CHAMPION, {"version": 1, "reason": "x", "actor": "me"}, 422, "invalid-input"),
+        (CHAMPION, [1], 422, "invalid-input"),
+    ],
+)
+def test_what_cannot_be_moved(admin, store, three, path, body, status, problem):
+    answer = admin.client.put(path, json=body)
+
+    assert answer.status_code == status, answer.text
+    assert answer.json()["type"].endswith(problem)
+    assert store.aliases("viper-lunar") == {}
+
+
+@pytest.mark.parametrize(
+    ("content", "kind", "status"),
+    [
+        (b'{"version": 1, "reason": "x"', "application/json", 400),
+        (b"", "application/json", 400),
+        (b'{"version": 1, "reason": "x"}', "text/plain", 415),
+        (b'{"version": 1, "reason": "x"}', "application/x-www-form-urlencoded", 415),
+        (b'{"version": 1, "version": 2, "reason": "x"}', "application/json", 422),
+        (b'{"version": 1, "reason": "\\ud800"}', "application/json", 422),
+        (b"[" * 30_000, "application/json", 400),
+        (b'{"version": 1, "reason": "' + b"x" * 70_000 + b'"}', "application/json", 413),
+    ],
+)
+def test_bodies_that_are_none(admin, store, three, content, kind, status):
+    answer = admin.client.put(CHAMPION, content=content, headers={"Content-Type": kind})
+
+    assert answer.status_code == status, answer.text
+    assert store.aliases("viper-lunar") == {}
+
+
+def test_rollback_undoes_one_version_change_after_the_other(admin, three):
+    for version in three:
+        move(admin, version, **({"If_Match": "*"} if version > 1 else {}))
+
+    back = admin.client.post(
+        f"{CHAMPION}/rollback", json={"reason": "slides at 30 degrees"}, headers={"X-Actor": "joe"}
+    )
+    again = roll_back(admin)
+    too_far = roll_back(admin)
+
+    assert (back.status_code, back.json()["version"], back.headers["etag"]) == (200, 2, '"4"')
+    assert (back.json()["actor"], back.json()["reason"]) == ("admin:joe", "slides at 30 degrees")
+    assert (again.status_code, again.json()["version"]) == (200, 1)
+    assert (too_far.status_code, too_far.json()["type"]) == (409, "urn:rover-twin:problem:conflict")
+    assert "nothing to roll back to" in too_far.json()["detail"]
+
+
+def test_a_rollback_may_have_preconditions_too(admin, three):
+    move(admin, 1)
+    move(admin, 2, If_Match='"1"')
+
+    assert roll_back(admin, If_Match='"1"').status_code == 412
+    assert roll_back(admin, If_Match="nonsense").status_code == 422
+    assert roll_back(admin, If_Match='"2"').json()["version"] == 1
+    assert roll_back(admin, If_Match='"2"').status_code == 412
+
+
+def test_of_many_who_roll_back_what_they_all_saw_one_does(admin, store, three):
+    for version in three:
+        move(admin, version, **({"If_Match": "*"} if version > 1 else {}))
+
+    with ThreadPoolExecutor(8) as pool:
+        answers = list(pool.map(lambda _: roll_back(admin, If_Match='"3"'), range(8)))
+
+    assert sorted(answer.status_code for answer in answers) == [200] + [412] * 7
+    assert store.alias("viper-lunar", "champion").version == 2
+
+
+@pytest.mark.parametrize("name", ["champion", "no-such", "3"])
+def test_a_rollback_of_an_alias_that_is_not_there(admin, three, name):
+    answer = admin.client.post(f"/v1/models/viper-lunar/aliases/{name}/rollback")
+
+    assert answer.status_code == 404
+    assert answer.json()["type"].endswith("alias-not-found")
+
+
+def test_an_alias_with_a_damaged_record_is_repaired_by_a_move_that_takes_it_as_it_is(admin, store, three, tmp_path):
+    move(admin, 1)
+    record = tmp_path / "store/models/viper-lunar/aliases/champion/00000001.json"
+    record.write_text("{")
+
+    assert move(admin, 2, If_Match='"1"').status_code == 503
+    assert move(admin, 2, If_Match="*").json()["version"] == 2
+    assert store.alias("viper-lunar", "champion").version == 2
+
+
+def test_predictions_follow_a_move_within_two_seconds(admin, three):
+    move(admin, 1)
+    admin.wait_ready()
+    moved = move(admin, 2, If_Match='"1"')
+    with fair_clock() as clock:
+        clock.wait_until(lambda: admin.predict().json()["model"]["version"] == 2, 2)
+
+    assert moved.is_success

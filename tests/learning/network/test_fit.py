@@ -1,0 +1,159 @@
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from service.errors import InvalidValueError, TrainingError
+from service.learning.network.fit import FitProgress, fit, position_loss_m2
+from service.learning.network.fit_config import FitConfig, learning_rate_at
+from service.learning.network.fit_state import FitState
+from service.learning.network.inputs import InputSignature
+from service.learning.network.residuals import PaperNetwork, Residual
+from service.learning.network.rows import Rows, rows_of
+from service.learning.observed import scenarios_of
+from service.physics.parameters import LUNAR_REGOLITH, VIPER
+from service.physics.priors import make_prior
+from tests.learning.synthetic import HORIZON_S, synthetic_runs
+
+CPU = torch.device("cpu")
+QUICK = FitConfig(seed=5, epochs=6, batch_rows=128, rows_per_epoch=512, warm_up_epochs=1)
+
+
+def rows() -> tuple[Rows, Rows]:
+    runs = synthetic_runs()
+    signature = InputSignature.fitted(
+        ("time_s", "slope_deg", "mass_kg", "torque_nm"), scenarios_of(runs), HORIZON_S, VIPER, LUNAR_REGOLITH
+    )
+    every = rows_of(runs, make_prior("motor_slope", 0.3), signature)
+    return every, Rows(every.inputs[3::4], every.targets_m[3::4])
+
+
+def network(seed: int = 1) -> Residual:
+    torch.manual_seed(seed)
+    return PaperNetwork(4, (0.5, 0.02))
+
+
+def weights(residual: Residual) -> dict[str, torch.Tensor]:
+    return {name: tensor.clone() for name, tensor in residual.state_dict().items()}
+
+
+def assert_same(one: dict[str, torch.Tensor], two: dict[str, torch.Tensor]) -> None:
+    assert one.keys() == two.keys()
+    for name in one:
+        assert torch.equal(one[name], two[name]), name
+
+
+class StoppedError(Exception):
+    pass
+
+
+def test_learns_what_the_prior_leaves():
+    train, validation = rows()
+    residual = network()
+    outcome = fit(residual, train, validation, FitConfig(epochs=40, batch_rows=64, rows_per_epoch=1000), device=CPU)
+    untrained = float(train.targets_m.square().sum(dim=1).mean())
+    with torch.inference_mode():
+        trained = float(position_loss_m2(residual(train.inputs), train.targets_m))
+    assert trained < untrained / 100
+    assert outcome.validation_loss_m2 == pytest.approx(trained, rel=0.5)
+
+
+def test_the_same_seed_gives_the_same_weights_and_another_seed_others():
+    train, validation = rows()
+    one, two, other = network(), network(), network()
+    fit(one, train, validation, QUICK, device=CPU)
+    fit(two, train, validation, QUICK, device=CPU)
+    fit(other, train, validation, FitConfig(**{**_fields(QUICK), "seed": 6}), device=CPU)
+    assert_same(weights(one), weights(two))
+    assert any(not torch.equal(weights(one)[name], weights(other)[name]) for name in weights(one))
+
+
+@pytest.mark.parametrize("stop_after", [1, 3, 5])
+def test_interrupted_and_resumed_equals_undisturbed(stop_after):
+    train, validation = rows()
+    undisturbed, interrupted = network(), network()
+    expected = fit(undisturbed, train, validation, QUICK, device=CPU)
+    saved: list[bytes] = []
+
+    def stop(progress: FitProgress, state) -> None:
+        saved.append(state().to_bytes())
+        if progress.epoch == stop_after:
+            raise StoppedError
+
+    with pytest.raises(StoppedError):
+        fit(interrupted, train, validation, QUICK, on_epoch=stop, device=CPU)
+    # a new process would start from fresh weights: nothing but the saved bytes may matter
+    resumed = network(seed=99)
+    outcome = fit(resumed, train, validation, QUICK, resume=FitState.from_bytes(saved[-1]), device=CPU)
+    assert_same(weights(resumed), weights(undisturbed))
+    assert (outcome.epochs, outcome.best_epoch) == (expected.epochs, expected.best_epoch)
+    assert outcome.validation_loss_m2 == expected.validation_loss_m2
+
+
+def test_stops_early_without_gain_and_keeps_the_best():
+    train, validation = rows()
+    seen: list[FitProgress] = []
+    # at such a rate the loss soon gets worse
+    config = FitConfig(epochs=200, batch_rows=32, rows_per_epoch=256, learning_rate=0.3, patience_epochs=4)
+    residual = network()
+    outcome = fit(residual, train, validation, config, on_epoch=lambda progress, _: seen.append(progress), device=CPU)
+    assert outcome.stopped_early
+    assert outcome.epochs == outcome.best_epoch + 4 < 200
+    assert outcome.validation_loss_m2 == min(progress.validation_loss_m2 for progress in seen)
+    with torch.inference_mode():
+        kept = float(position_loss_m2(residual(validation.inputs), validation.targets_m))
+    assert kept == pytest.approx(outcome.validation_loss_m2, rel=1e-4)
+
+
+def test_progress_counts_every_epoch():
+    train, validation = rows()
+    seen: list[FitProgress] = []
+    fit(network(), train, validation, QUICK, on_epoch=lambda progress, _: seen.append(progress), device=CPU)
+    assert [progress.epoch for progress in seen] == [1, 2, 3, 4, 5, 6]
+    assert all(progress.epochs == 6 and progress.elapsed_s > 0 for progress in seen)
+    assert seen[-1].remaining_s == 0
+
+
+def test_a_loss_that_is_not_finite_ends_the_fit():
+    train, validation = rows()
+    broken = Rows(train.inputs, torch.full_like(train.targets_m, math.nan))
+    with pytest.raises(TrainingError, match="not finite after epoch 1"):
+        fit(network(), broken, validation, QUICK, device=CPU)
+
+
+def test_equation_4_by_hand():
+    predicted, expected = torch.tensor([[1.0, 2.0], [0.0, 0.0]]), torch.tensor([[0.0, 0.0], [0.0, 3.0]])
+    assert float(position_loss_m2(predicted, expected)) == (1 + 4 + 9) / 2
+
+
+@given(st.integers(0, 20), st.integers(1, 200))
+def test_the_learning_rate_rises_then_falls_to_its_end(warm_up, epochs):
+    config = FitConfig(epochs=epochs + warm_up, warm_up_epochs=warm_up)
+    rates = [learning_rate_at(config, epoch) for epoch in np.linspace(0, config.epochs, 400)]
+    top = int(np.argmax(rates))
+    assert rates[top] <= config.learning_rate
+    assert all(a <= b for a, b in pairwise(rates[: top + 1]))
+    assert all(a >= b for a, b in pairwise(rates[top:]))
+    assert rates[-1] == pytest.approx(config.final_learning_rate)
+
+
+@pytest.mark.parametrize("data", [b"", b"not safetensors", b"\x08\0\0\0\0\0\0\0{}      "])
+def test_bytes_that_are_no_state_are_refused(data):
+    with pytest.raises(TrainingError, match="saved state"):
+        FitState.from_bytes(data)
+
+
+@pytest.mark.parametrize(("field", "value"), [("epochs", 0), ("learning_rate", math.nan), ("seed", -1)])
+def test_a_config_that_makes_no_fit_names_the_field(field, value):
+    with pytest.raises(InvalidValueError, match=f"{field} is .*allowed is"):
+        FitConfig(**{field: value})
+
+
+def _fields(config: FitConfig) -> dict[str, object]:
+    return {name: getattr(config, name) for name in config.__dataclass_fields__}

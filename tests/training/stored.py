@@ -1,0 +1,35 @@
+"""A small dataset in a real store: synthetic runs, only for tests."""
+
+from __future__ import annotations
+
+from model_store import DatasetDraft, ModelStore
+from service.datasets import Dataset, Run, dataset_id, parse_passport, to_parquet
+from service.datasets.summary import summarise
+from service.training.stored_dataset import PASSPORT_FILE, RUNS_FILE
+from tests.learning.synthetic import HORIZON_S, synthetic_runs
+
+PASSPORT = b"""{"format": "rover-twin-passport/1", "gravity_m_s2": 1.62, "frame": "slope frame",
+"reference_body": "rear left wheel", "rover": {"wheel_radius_m": %s}}"""
+
+
+def put_dataset(store: ModelStore, name: str, runs: list[Run], wheel_radius_m: float = 0.25) -> str:
+    dataset = Dataset(name, parse_passport(PASSPORT % str(wheel_radius_m).encode()), tuple(runs))
+    identity = dataset_id(dataset)
+    files = {RUNS_FILE: to_parquet(dataset), PASSPORT_FILE: dataset.passport.canonical_json().encode()}
+    draft = DatasetDraft(name=name, created_by="a test", summary=summarise(dataset).as_json())
+    return store.put_dataset(identity, files, draft).id
+
+
+def stored_runs() -> list[Run]:
+    return [
+        Run(
+            name=run.name,
+            set_name="unit",
+            slope_deg=run.slope_deg,
+            mass_kg=run.mass_kg,
+            torque_nm=run.torque_nm,
+            horizon_s=HORIZON_S,
+            columns={"time_s": run.time_s, "rear_x_m": run.x_m, "rear_y_m": run.y_m},
+        )
+        for run in synthetic_runs()
+    ]

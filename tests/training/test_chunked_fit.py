@@ -1,0 +1,53 @@
+"""A fit without epochs can be stopped all the way through: what it calls every second or so may raise."""
+
+from __future__ import annotations
+
+import pytest
+
+from service.training.chunked_fit import ChunkedFit
+from service.training.config import TrainingConfig
+from service.training.train import evaluate_fitted, prepare
+
+CONFIG = TrainingConfig(model="unit", datasets=["unit"], architecture="resistance_process")
+
+
+class StoppedError(Exception):
+    """What the check of these tests raises."""
+
+
+def fit(store, check):
+    prepared = prepare(store, CONFIG, lambda _phase: None)
+    fitted = ChunkedFit(prepared).finish(None, 0.0, lambda _phase: None, check)
+    return evaluate_fitted(prepared, fitted, lambda _phase: None, check)
+
+
+@pytest.fixture
+def calls(store):
+    count = 0
+
+    def check():
+        nonlocal count
+        count += 1
+
+    fit(store, check)
+    return count
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 0.7, 0.99])
+def test_a_check_that_raises_stops_the_fit_there(store, calls, share):
+    left = at = int(share * calls)
+
+    def check():
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise StoppedError
+
+    with pytest.raises(StoppedError):
+        fit(store, check)
+    assert left == -1, f"it went on after check {at} of {calls}"
+
+
+def test_there_are_checks_for_each_run_in_every_part(store, calls):
+    # the covariances of resistance and height, the left-out predictions, the evaluation
+    assert calls >= 4 * store.dataset("unit").summary["runs"]

@@ -1,0 +1,43 @@
+"""The preview of a dataset: drawn from the runs, the same bytes each time."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from service.datasets import Dataset, Run, parse_passport
+from service.training.dataset_figure import MOST_RUNS, preview, preview_figure
+from tests.datasets.conftest import PASSPORT
+
+
+def dataset(count):
+    time = np.linspace(0.0, 10.0, 300)
+    runs = [
+        Run(f"r{i}", "a", 20.0 + i / 100, 400.0 + i, 60.0 + i / 10, 10.0,
+            {"time_s": time, "rear_x_m": (0.1 + i / 1000) * time, "rear_y_m": np.full(300, 0.24)})
+        for i in range(count)
+    ]  # fmt: skip
+    return Dataset("d", parse_passport(json.dumps(PASSPORT).encode()), tuple(runs))
+
+
+@pytest.mark.parametrize(("kind", "magic"), [("svg", b"<?xml"), ("png", b"\x89PNG")])
+def test_it_is_an_image_and_the_same_each_time(kind, magic):
+    drawn = preview(dataset(3), kind=kind)
+    assert drawn.startswith(magic)
+    assert drawn == preview(dataset(3), kind=kind)
+    assert drawn != preview(dataset(4), kind=kind)
+
+
+def test_it_shows_the_ends_of_the_runs_and_their_scenarios():
+    figure = preview_figure(dataset(3))
+    curves, scenarios = figure.axes[0].collections[0], figure.axes[1].collections[0]
+    np.testing.assert_allclose([path.vertices[-1] for path in curves.get_paths()], [[10, 1.0], [10, 1.01], [10, 1.02]])
+    np.testing.assert_allclose(scenarios.get_offsets(), [[400, 60], [401, 60.1], [402, 60.2]])
+
+
+def test_one_run_and_very_many_are_drawn():
+    assert len(preview_figure(dataset(1)).axes[0].collections[0].get_paths()) == 1
+    assert len(preview_figure(dataset(MOST_RUNS + 50)).axes[0].collections[0].get_paths()) == MOST_RUNS
+    assert len(preview(dataset(MOST_RUNS + 50))) < 1_000_000

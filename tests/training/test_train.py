@@ -1,0 +1,156 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from model_store import DatasetNotFoundError
+from service.errors import TrainingError
+from service.learning.network.fit import FitProgress
+from service.learning.network.fit_config import FitConfig
+from service.learning.network.fit_state import FitState
+from service.physics.scenario import Scenarios
+from service.training.config import TrainingConfig
+from service.training.train import publish_trained, train_model
+from service.twin.load import load_twin
+from tests.training.stored import put_dataset, stored_runs
+
+QUICK = FitConfig(seed=2, epochs=3, batch_rows=128, rows_per_epoch=512)
+CONFIG = TrainingConfig(model="unit", datasets=["unit"], test_slopes_deg=[20], test_fraction=0.2, fit=QUICK)
+
+
+def published(store, config: TrainingConfig = CONFIG):
+    return publish_trained(store, config, train_model(store, config), created_by="a test", command="train it")
+
+
+def test_what_is_published_answers_like_what_was_trained(store):
+    trained = train_model(store, CONFIG)
+    manifest = publish_trained(store, CONFIG, trained, created_by="a test", command="train it")
+    one, times = Scenarios.of(12, 430, 60), np.linspace(0, 4, 20)
+    twin = load_twin(store, "unit", manifest.version)
+    np.testing.assert_array_equal(twin.model.positions(one, times).x_m, trained.model.positions(one, times).x_m)
+
+
+class StoppedError(Exception):
+    pass
+
+
+def stop():
+    raise StoppedError
+
+
+def test_who_is_stopped_before_anything_is_written_leaves_nothing(store):
+    trained = train_model(store, CONFIG)
+    with pytest.raises(StoppedError):
+        publish_trained(store, CONFIG, trained, created_by="a test", command="train it", check=stop)
+    assert store.model_names() == []
+
+
+def test_the_manifest_tells_the_whole_lineage(store):
+    manifest = published(store)
+    lineage = manifest.lineage
+    assert lineage.datasets == [store.dataset("unit").id]
+    assert TrainingConfig.model_validate(lineage.config) == CONFIG
+    assert (lineage.seed, lineage.command) == (2, "train it")
+    assert lineage.libraries["torch"].startswith("2.")
+    assert set(lineage.split["train"]).isdisjoint(lineage.split["test"])
+    assert len(lineage.split["train"] + lineage.split["test"]) == len(stored_runs())
+    assert manifest.metrics["test"]["summary"]["runs"] == len(lineage.split["test"])
+    assert {"model", "prior"} <= manifest.metrics["test"]["summary"].keys()
+
+
+def test_test_runs_leave_no_trace_in_the_model(store):
+    # calibration, scaling, domain and weights must be those of a store that never held the test runs
+    trained = train_model(store, CONFIG)
+    kept = {run.name for run in trained.split.train}
+    put_dataset(store, "fewer", [run for run in stored_runs() if run.name in kept])
+    alone = CONFIG.model_copy(update={"datasets": ["fewer"], "test_slopes_deg": [], "test_fraction": 0.0})
+    again = train_model(store, alone)
+    assert [run.name for run in again.split.train] == [run.name for run in trained.split.train]
+    assert again.model.prior == trained.model.prior
+    assert again.model.signature == trained.model.signature
+    for name, tensor in again.model.residual.state_dict().items():
+        assert tensor.equal(trained.model.residual.state_dict()[name]), name
+
+
+def test_the_same_config_gives_the_same_weights_and_a_resumed_one_too(store):
+    digests = [published(store).files["weights.safetensors"].sha256 for _ in range(2)]
+    states: list[bytes] = []
+
+    def save(_progress: FitProgress, state) -> None:
+        states.append(state().to_bytes())
+
+    train_model(store, CONFIG, on_epoch=save)
+    resumed = train_model(store, CONFIG, resume=FitState.from_bytes(states[0]))
+    manifest = publish_trained(store, CONFIG, resumed, created_by="a test", command="")
+    assert {*digests, manifest.files["weights.safetensors"].sha256} == {digests[0]}
+
+
+def test_reports_are_json_with_every_run(store):
+    manifest = published(store)
+    for part in ("train", "test"):
+        report = json.loads(store.read_file("unit", manifest.version, f"report/{part}.json"))
+        assert [each["run"] for each in report["by_run"]] == manifest.lineage.split[part]
+
+
+def test_slopes_left_out_of_their_series_are_in_the_manifest_and_the_report(store):
+    everything = {"architecture": "resistance_process", "test_slopes_deg": [], "test_fraction": 0.0}
+    manifest = published(store, CONFIG.model_copy(update=everything))
+    rows = manifest.metrics["left_out_slopes"]["by_run"]
+    assert sorted(row["slope_deg"] for row in rows) == [0, 5, 10, 15, 20]
+    assert {(row["mass_kg"], row["torque_nm"]) for row in rows} == {(430, 60)}
+    left_out = {row["run"]: row["model"] for row in manifest.metrics["left_out"]["by_run"]}
+    assert all(row["model"] != left_out[row["run"]] for row in rows)
+    page = store.read_file("unit", manifest.version, "report/held_out.md").decode()
+    assert "## One slope left out of its series" in page
+
+
+def test_networks_leave_no_slopes_out(store):
+    assert published(store).metrics["left_out_slopes"] == {"summary": {"runs": 0}, "by_run": []}
+
+
+def test_the_zero_architecture_is_the_calibrated_prior(store):
+    trained = train_model(store, CONFIG.model_copy(update={"architecture": "zero", "fit": FitConfig(epochs=1)}))
+    for evaluation in trained.train_evaluations:
+        assert evaluation.model == evaluation.prior
+
+
+def test_datasets_of_different_rovers_do_not_mix(store):
+    other = stored_runs()[0]
+    put_dataset(store, "bigger", [type(other)("other", *_rest(other))], wheel_radius_m=0.3)
+    with pytest.raises(TrainingError, match="disagree on the rover"):
+        train_model(store, CONFIG.model_copy(update={"datasets": ["unit", "bigger"]}))
+
+
+def test_a_run_is_not_taken_twice(store):
+    put_dataset(store, "again", stored_runs()[:2])
+    with pytest.raises(TrainingError, match="more than one of the datasets: s0_m430_t60, s5_m430_t60"):
+        train_model(store, CONFIG.model_copy(update={"datasets": ["unit", "again"]}))
+
+
+def test_a_dataset_that_is_not_there_is_named(store):
+    with pytest.raises(DatasetNotFoundError, match="nobody"):
+        train_model(store, CONFIG.model_copy(update={"datasets": ["nobody"]}))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("datasets", []),
+        ("prior", "dune"),
+        ("architecture", "pickle"),
+        ("inputs", ["colour"]),
+        ("test_fraction", 1.0),
+        ("test_fraction", float("nan")),
+        ("unknown", 1),
+    ],
+)
+def test_a_config_that_cannot_be_names_the_field(field, value):
+    with pytest.raises(ValidationError, match=field):
+        TrainingConfig.model_validate(CONFIG.model_dump() | {field: value})
+
+
+def _rest(run):
+    return run.set_name, run.slope_deg, run.mass_kg, run.torque_nm, run.horizon_s, run.columns
