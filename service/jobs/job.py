@@ -43,7 +43,7 @@ class JobProgress(_Frozen):
     epoch: int | None = None
     epochs: int | None = None
     train_error_m: float | None = None
-    held_out_error_m: float | None = None
+    validation_error_m: float | None = None
     eta_s: float | None = None
 
 

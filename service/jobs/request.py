@@ -72,7 +72,12 @@ class TrainingJobRequest(_Asked):
     promote: Literal["never", "if_better"] = Field(
         "never", description="Whether champion moves to the new version when that is better by the margin."
     )
-    margin: float = Field(0.05, ge=0, le=0.5, description="Share by which the held-out error must fall to be better.")
+    margin: float = Field(
+        0.05,
+        ge=0,
+        le=0.5,
+        description="Share by which the error on unseen runs (test and left-out) must fall to be better.",
+    )
     description: Annotated[str, StringConstraints(max_length=1000)] = Field(
         "", description="A sentence for people, kept in the manifest."
     )

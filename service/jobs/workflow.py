@@ -256,7 +256,7 @@ class _Job:
                 epoch=reached.epoch,
                 epochs=reached.epochs,
                 train_error_m=math.sqrt(reached.train_loss_m2),
-                held_out_error_m=math.sqrt(reached.validation_loss_m2),
+                validation_error_m=math.sqrt(reached.validation_loss_m2),
                 eta_s=reached.remaining_s,
             )
             self._telling.progress(progress)

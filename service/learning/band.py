@@ -27,7 +27,7 @@ from service.errors import CheckpointError, InvalidValueError
 from service.learning.curves import interpolate_curves
 from service.learning.domain import Domain
 from service.learning.error_scale import ErrorScale
-from service.learning.held_out import HeldOutErrors, look_times
+from service.learning.left_out import LeftOutErrors, look_times
 from service.learning.neighbourhood import Neighbourhood, chunks
 from service.learning.observed import ObservedRun
 from service.physics.scenario import Array, Positions, Scenarios
@@ -69,7 +69,7 @@ class Band:
         neighbourhood = _known(domain)
         if len(runs) < FEWEST_RUNS:
             raise ValueError(f"a band needs at least {FEWEST_RUNS} runs, got {len(runs)}")
-        errors = HeldOutErrors.of(runs, left_out)
+        errors = LeftOutErrors.of(runs, left_out)
         spread, back = _spread(errors.reach_m), _spread(errors.lowest_m)
         places = _places(neighbourhood, errors.scenarios, (errors.reach_m, spread), (errors.lowest_m, back))
         scale = ErrorScale.of(places, errors.envelope_m)

@@ -134,11 +134,11 @@ class Domain:
         runs: Sequence[ObservedRun],
         rover: RoverParameters,
         regolith: RegolithParameters,
-        held_out_errors_m: Mapping[str, float] | None = None,
+        left_out_errors_m: Mapping[str, float] | None = None,
     ) -> Self:
         """The ranges that the runs cover; every horizon from zero to the longest run is inside.
 
-        `held_out_errors_m` maps runs to their final error when they were left out; what it lacks is not known.
+        `left_out_errors_m` maps runs to their final error when they were left out; what it lacks is not known.
         """
         scenarios = scenarios_of(runs)
         columns = {
@@ -149,7 +149,7 @@ class Domain:
             "horizon_s": [0.0, *(run.horizon_s for run in runs)],
         }
         spans = {field: (min(values), max(values)) for field, values in columns.items()}
-        return cls(spans, rover, regolith, Neighbourhood.of_runs(runs, rover, regolith, held_out_errors_m))
+        return cls(spans, rover, regolith, Neighbourhood.of_runs(runs, rover, regolith, left_out_errors_m))
 
     def judge(self, slope_deg: float, mass_kg: float, torque_nm: float, horizon_s: float) -> DomainVerdict:
         """The verdict on one scenario: that of `judge_many`, in plain numbers, which for one are faster than arrays."""

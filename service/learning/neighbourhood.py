@@ -37,7 +37,7 @@ class TrainingRun:
     slope_deg: float
     mass_kg: float
     torque_nm: float
-    held_out_final_error_m: float | None
+    left_out_final_error_m: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +70,9 @@ class Neighbourhood:
             raise ValueError(f"the domain's scales are {self.scales}, allowed are {len(COORDINATES)} positive numbers")
         if not (np.isfinite(self.limit) and self.limit >= 0):
             raise ValueError(f"the domain's joint_limit is {self.limit}, allowed is zero or more")
-        errors = [run.held_out_final_error_m for run in self.runs if run.held_out_final_error_m is not None]
+        errors = [run.left_out_final_error_m for run in self.runs if run.left_out_final_error_m is not None]
         if not all(np.isfinite(error) and error >= 0 for error in errors):
-            raise ValueError("the domain's runs have a held_out_final_error_m that is no distance")
+            raise ValueError("the domain's runs have a left_out_final_error_m that is no distance")
         names = [each.name for each in fields(TrainingRun)]
         object.__setattr__(self, "_values", tuple({name: getattr(run, name) for name in names} for run in self.runs))
         object.__setattr__(self, "_scale", np.array(self.scales))
@@ -84,13 +84,13 @@ class Neighbourhood:
         runs: Sequence[ObservedRun],
         rover: RoverParameters,
         regolith: RegolithParameters,
-        held_out_errors_m: Mapping[str, float] | None = None,
+        left_out_errors_m: Mapping[str, float] | None = None,
     ) -> Self:
         """The neighbourhood of these runs.
 
         The limit is the 99 % quantile of each run's distance to the nearest other one: what leaving a run out shows.
         """
-        errors = held_out_errors_m or {}
+        errors = left_out_errors_m or {}
         points = tuple(
             TrainingRun(run.name, run.slope_deg, run.mass_kg, run.torque_nm, errors.get(run.name)) for run in runs
         )
@@ -192,7 +192,7 @@ def _scenarios(runs: Sequence[TrainingRun]) -> Scenarios:
 
 
 def _restored_run(description: Mapping[str, Any]) -> TrainingRun:
-    error = description["held_out_final_error_m"]
+    error = description["left_out_final_error_m"]
     return TrainingRun(
         str(description["run"]),
         float(description["slope_deg"]),

@@ -37,10 +37,10 @@ def split_runs(
     for slope in test_slopes_deg:
         if not any(abs(run.slope_deg - slope) <= _SLOPE_TOLERANCE_DEG for run in runs):
             raise TrainingError(f"no run has slope_deg {slope:g}, so it cannot be left out for testing")
-    left_out = [any(abs(run.slope_deg - slope) <= _SLOPE_TOLERANCE_DEG for slope in test_slopes_deg) for run in runs]
-    others = [index for index, out in enumerate(left_out) if not out]
+    kept_apart = [any(abs(run.slope_deg - slope) <= _SLOPE_TOLERANCE_DEG for slope in test_slopes_deg) for run in runs]
+    others = [index for index, out in enumerate(kept_apart) if not out]
     drawn = np.random.default_rng(seed).permutation(others)[: round(test_fraction * len(others))]
-    test = {index for index, out in enumerate(left_out) if out} | {int(index) for index in drawn}
+    test = {index for index, out in enumerate(kept_apart) if out} | {int(index) for index in drawn}
     if len(test) >= len(runs):
         raise TrainingError(f"all {len(runs)} runs are left out for testing: nothing remains to train on")
     return Split(

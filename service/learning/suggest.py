@@ -2,7 +2,7 @@
 
 A scenario is a point of the domain's neighbourhood: scaled slope, logarithms of torque ratio and mass. How much the
 runs leave open there is the posterior variance C of a Gaussian process with unit variance and Matern-5/2 correlation
-over the distance between points. A run's held-out error divided by the standard deviation that the *other* runs leave
+over the distance between points. A run's left-out error divided by the standard deviation that the *other* runs leave
 open at it is the error per unit of ignorance; its geometric mean over the nearby runs, weighted by a Gaussian kernel,
 is the local scale s: errors span 1 mm to metres, and an arithmetic mean would be that of the worst run. Then s sqrt(C)
 is the error to expect: large where runs are far and where nearby ones were predicted badly, as they are around the
@@ -10,7 +10,7 @@ threshold between climbing and sliding.
 
 Suggestions are picked one by one. Each is the candidate that lowers the mean of s sqrt(C) over all candidates the most
 once it is simulated: C <- C - C_j C_j' / (C_jj + nugget). So a batch spreads by itself, its first n members do not
-depend on its size, and nothing is drawn at random. Without held-out errors s is 1: the batch fills the largest gaps.
+depend on its size, and nothing is drawn at random. Without left-out errors s is 1: the batch fills the largest gaps.
 
 Empirical: the two lengths below. On the left-out errors of the 80 shipped Chrono runs, each predicted from the others,
 they give a rank correlation of 0.66 between expected and found error; the distance to the runs alone gives 0.26.
@@ -47,7 +47,7 @@ _DECIMALS = {"slope_deg": 2, "mass_kg": 1, "torque_nm": 1}  # as in the shipped 
 
 @dataclass(frozen=True, slots=True)
 class SuggestedRun:
-    """A run to make. `expected_error_m` is None without held-out errors; `distance` is that to `nearest_run`."""
+    """A run to make. `expected_error_m` is None without left-out errors; `distance` is that to `nearest_run`."""
 
     slope_deg: float
     mass_kg: float
@@ -116,8 +116,8 @@ def _posterior(points: Array, places: Array) -> Array:
 
 
 def _error_scale(known: Neighbourhood, points: Array) -> Array | None:
-    """The local error per unit of ignorance at each candidate (m), or None when no run has a held-out error."""
-    errors = {at: run.held_out_final_error_m for at, run in enumerate(known.runs)}
+    """The local error per unit of ignorance at each candidate (m), or None when no run has a left-out error."""
+    errors = {at: run.left_out_final_error_m for at, run in enumerate(known.runs)}
     measured = {at: error for at, error in errors.items() if error is not None}
     if not measured:
         return None

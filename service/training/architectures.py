@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from service.learning.held_out import left_out_slopes
+from service.learning.left_out import left_out_slopes
 from service.learning.network.fit import EpochCallback, FitOutcome, fit
 from service.learning.network.fit_state import FitState
 from service.learning.network.inputs import InputSignature
@@ -31,7 +31,7 @@ from service.training.data import TrainingData
 class Fitted:
     """A fitted model. `left_out` holds, by run, what the model says of it when that very run is left out of the fit,
     and `left_out_slopes` what it says when fitted to nothing but the other slopes of that run's series (see
-    `service.learning.held_out`). Both are empty for architectures where that would mean fitting once for each run.
+    `service.learning.left_out`). Both are empty for architectures where that would mean fitting once for each run.
     """
 
     model: TrajectoryModel

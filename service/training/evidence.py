@@ -70,7 +70,7 @@ _EVALUATED = TypeAdapter(Annotated[list[_Evaluated], Field(max_length=_MAX_RUNS)
 
 
 @dataclass(frozen=True, slots=True)
-class HeldOut:
+class Evidence:
     """Errors of one version by run, only of runs it was not made from, and the names of those it was made from."""
 
     version: str
@@ -78,7 +78,7 @@ class HeldOut:
     trained_on: frozenset[str]
 
 
-def read_held_out(store: ModelStore, manifest: Manifest) -> HeldOut:
+def read_evidence(store: ModelStore, manifest: Manifest) -> Evidence:
     """The evidence of a version; without any when its manifest has no errors of left-out runs.
 
     Raises CorruptArtefactError when the metrics or the training report are not what this program writes, and what
@@ -90,7 +90,7 @@ def read_held_out(store: ModelStore, manifest: Manifest) -> HeldOut:
     # one prediction per run: leaving out one at a time comes last and wins
     errors = {each.key(): each.model for each in [*tested, *_by_run(manifest, "left_out")]}
     twins = _names_by_simulation(store, manifest)
-    return HeldOut(
+    return Evidence(
         version,
         {key: found for key, found in errors.items() if twins.get(key[1:], {key.run}) <= {key.run}},
         trained_on,

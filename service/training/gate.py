@@ -1,4 +1,4 @@
-"""The promotion gate: is a candidate better than the champion, on left-out runs?
+"""The promotion gate: is a candidate better than the champion, on runs that neither has seen?
 
 Why these rules: docs/decisions/0011-promotion-gate.md.
 """
@@ -14,7 +14,7 @@ import numpy as np
 
 from model_store import CorruptArtefactError, ModelStore, NotFoundError, UnsupportedFormatError
 from service.errors import InvalidValueError
-from service.training.evidence import Errors, HeldOut, RunKey, read_held_out
+from service.training.evidence import Errors, Evidence, RunKey, read_evidence
 
 DEFAULT_MARGIN = 0.05
 MAX_MARGIN = 0.5
@@ -54,7 +54,7 @@ class Comparison:
     """The verdict on `candidate`, and what it rests on. Versions read "name@number".
 
     `ratio` is the geometric mean over the common runs of the candidate's rms error over the champion's; None, and
-    `tails` empty, where nothing could be compared. `seen_by_candidate` and `seen_by_against` count runs held out of one
+    `tails` empty, where nothing could be compared. `seen_by_candidate` and `seen_by_against` count runs unseen by one
     side only because the other was trained on them.
     """
 
@@ -125,18 +125,18 @@ def compare_versions(
     """`compare` for versions, as (name, number), of any two models."""
     if not 0 <= margin <= MAX_MARGIN:
         raise InvalidValueError("margin", margin, f"0 to {MAX_MARGIN:g}")
-    ours = read_held_out(store, store.manifest(*candidate))
+    ours = read_evidence(store, store.manifest(*candidate))
     if against is None:
         return Comparison(ours.version, None, margin, Verdict.FIRST, "there is no champion to compare it with")
     theirs_name = f"{against[0]}@{against[1]}"
     try:
-        theirs = read_held_out(store, store.manifest(*against))
+        theirs = read_evidence(store, store.manifest(*against))
     except (CorruptArtefactError, UnsupportedFormatError, NotFoundError) as error:
         return Comparison(ours.version, theirs_name, margin, Verdict.NOT_COMPARABLE, str(error))
     return _judge(ours, theirs, margin)
 
 
-def _judge(ours: HeldOut, theirs: HeldOut, margin: float) -> Comparison:
+def _judge(ours: Evidence, theirs: Evidence, margin: float) -> Comparison:
     common = sorted(ours.errors.keys() & theirs.errors.keys())
     facts: dict[str, Any] = {
         "candidate": ours.version,
@@ -169,30 +169,28 @@ def _verdict(ratio: float, tails: Mapping[str, Tail], margin: float, runs: int) 
     return Verdict.BETTER, f"{measured}, {allowed}"
 
 
-def _too_few(ours: HeldOut, theirs: HeldOut, common: int) -> str:
+def _too_few(ours: Evidence, theirs: Evidence, common: int) -> str:
     for side in (ours, theirs):
         if not side.errors:
-            return f"{side.version} has no errors of runs it was not made from; train it with runs left out"
+            return f"{side.version} has no errors on unseen runs; train it with test runs"
     seen = "; ".join(
-        f"{judge.version} was trained on {count} of the {len(side.errors)} runs left out of {side.version}"
+        f"{judge.version} was trained on {count} of the {len(side.errors)} runs that {side.version} has not seen"
         for side, judge in ((ours, theirs), (theirs, ours))
         if (count := _seen(side, judge))
     )
-    return f"{common} runs were left out of both, at least {LEAST_COMMON_RUNS} are needed" + (
-        f"; {seen}" if seen else ""
-    )
+    return f"{common} runs are unseen by both, at least {LEAST_COMMON_RUNS} are needed" + (f"; {seen}" if seen else "")
 
 
-def _seen(side: HeldOut, judge: HeldOut) -> int:
-    """How many runs left out of one side the other was made from, without having predicted them unseen."""
+def _seen(side: Evidence, judge: Evidence) -> int:
+    """How many unseen runs of one side the other was made from, without having predicted them unseen."""
     return sum(key not in judge.errors and key.run in judge.trained_on for key in side.errors)
 
 
-def _floored(side: HeldOut, runs: list[RunKey], name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _floored(side: Evidence, runs: list[RunKey], name: str) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.maximum([_error(side.errors[run], name) for run in runs], FLOOR_M)
 
 
-def _p90(side: HeldOut, runs: list[RunKey], name: str) -> float:
+def _p90(side: Evidence, runs: list[RunKey], name: str) -> float:
     return float(np.quantile(_floored(side, runs, name), 0.9))
 
 

@@ -43,7 +43,7 @@ def error_curves(runs: Sequence[ObservedRun], left_out: Mapping[str, Positions])
     return curves
 
 
-def held_out_report(
+def left_out_report(
     evaluations: Sequence[RunEvaluation],
     curves: Sequence[ErrorCurve],
     rover: RoverParameters,
@@ -58,9 +58,9 @@ def held_out_report(
     if not evaluations:
         raise ValueError("a report on left-out runs needs at least one run")
     return {
-        "report/held_out.md": (_page(evaluations) + _slopes_section(slopes)).encode(),
-        "report/held_out_errors.svg": as_svg(errors_figure(evaluations, rover, regolith)),
-        "report/held_out_time.svg": as_svg(time_figure(evaluations, curves)),
+        "report/left_out.md": (_page(evaluations) + _slopes_section(slopes)).encode(),
+        "report/left_out_errors.svg": as_svg(errors_figure(evaluations, rover, regolith)),
+        "report/left_out_time.svg": as_svg(time_figure(evaluations, curves)),
     }
 
 
@@ -222,9 +222,9 @@ along the slope, or over {100 * _SMALLEST_DISTANCE_M:g} cm where that is less.
 
 {{table}}
 
-![Final error over slope and torque ratio](held_out_errors.svg)
+![Final error over slope and torque ratio](left_out_errors.svg)
 
-![Error against time](held_out_time.svg)
+![Error against time](left_out_time.svg)
 
 ## The {{count}} runs with the largest relative errors
 

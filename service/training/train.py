@@ -29,7 +29,7 @@ from service.training.architectures import Callbacks, Fitted, fit_architecture
 from service.training.config import TrainingConfig
 from service.training.data import TrainingData, load_training_data
 from service.training.provenance import code_version, library_versions
-from service.training.report import error_curves, held_out_report
+from service.training.report import error_curves, left_out_report
 
 Announce = Callable[[str], None]
 
@@ -169,7 +169,7 @@ def publish_trained(
         files[BAND_FILE] = safetensors.numpy.save(trained.band.tensors())
     if trained.left_out_evaluations:
         curves = error_curves(trained.split.train, trained.left_out)
-        files |= held_out_report(
+        files |= left_out_report(
             trained.left_out_evaluations,
             curves,
             trained.data.rover,

@@ -93,7 +93,7 @@ class NearestRun(BaseModel):
     slope_deg: float
     mass_kg: float
     torque_nm: float
-    held_out_final_error_m: Annotated[float | None, Field(ge=0, description="null when it was not measured.")]
+    left_out_final_error_m: Annotated[float | None, Field(ge=0, description="null when it was not measured.")]
     distance: Annotated[float, Field(ge=0, description="In spreads of the training runs.")]
 
 

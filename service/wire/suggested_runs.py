@@ -28,7 +28,7 @@ class SuggestionReason(BaseModel):
 
     expected_error_m: Annotated[
         float | None,
-        Field(description="Error to expect of the final position; null when no run has a held-out error."),
+        Field(description="Error to expect of the final position; null when no run has a left-out error."),
     ]
     distance: Annotated[float, Field(description="Scaled distance to the nearest training run.")]
     nearest_run: str

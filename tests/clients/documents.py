@@ -11,7 +11,7 @@ NEAREST_RUN = {
     "slope_deg": 28,
     "mass_kg": 430,
     "torque_nm": 60,
-    "held_out_final_error_m": 0.0074,
+    "left_out_final_error_m": 0.0074,
     "distance": 0.41,
 }
 

@@ -78,14 +78,14 @@ def test_members_of_later_services_are_ignored(slope_answer: dict[str, Any]) -> 
 def test_what_was_not_asked_for_or_does_not_apply_is_none(slope_answer: dict[str, Any]) -> None:
     del slope_answer["prior"], slope_answer["band"]
     slope_answer["summary"]["slip_ratio"] = None
-    slope_answer["domain"]["nearest_runs"][0]["held_out_final_error_m"] = None
+    slope_answer["domain"]["nearest_runs"][0]["left_out_final_error_m"] = None
     slope_answer["model"]["alias"] = None
 
     prediction = parsing.prediction(Node(slope_answer))
 
     assert prediction.prior is None
     assert prediction.band is None
-    assert prediction.domain.nearest_runs[0].held_out_final_error_m is None
+    assert prediction.domain.nearest_runs[0].left_out_final_error_m is None
     assert prediction.summary.slip_ratio is None
     assert prediction.model.alias is None
 
@@ -104,7 +104,7 @@ def test_the_nearest_runs_become_values(slope_answer: dict[str, Any]) -> None:
 
     assert domain.distance == 0.41
     assert [run.run for run in domain.nearest_runs] == ["s28_m430_t60"]
-    assert domain.nearest_runs[0].held_out_final_error_m == 0.0074
+    assert domain.nearest_runs[0].left_out_final_error_m == 0.0074
 
 
 @pytest.mark.parametrize("told", [{}, {"distance": None, "nearest_runs": []}], ids=["older service", "older version"])

@@ -96,12 +96,12 @@ def test_the_nearest_runs_come_nearest_first_and_the_distance_is_the_first_ones(
     assert distances == pytest.approx(np.sort(everyone)[:3])
 
 
-def test_a_training_run_is_its_own_nearest_and_tells_its_held_out_error():
+def test_a_training_run_is_its_own_nearest_and_tells_its_left_out_error():
     domain = gap_domain()
     known, unknown = domain.judge(0, 300, 50, 4).nearest_runs[0], domain.judge(30, 900, 150, 4).nearest_runs[0]
 
-    assert (known.run, known.distance, known.held_out_final_error_m) == ("s0_m300_t50", pytest.approx(0), 0.02)
-    assert (unknown.run, unknown.held_out_final_error_m) == ("s30_m900_t150", None)
+    assert (known.run, known.distance, known.left_out_final_error_m) == ("s0_m300_t50", pytest.approx(0), 0.02)
+    assert (unknown.run, unknown.left_out_final_error_m) == ("s30_m900_t150", None)
 
 
 def test_a_lone_run_is_inside_its_own_domain_and_nothing_else_is():
@@ -127,9 +127,9 @@ def test_a_domain_from_before_the_runs_were_kept_still_judges_input_by_input():
     [
         {"runs": []},
         {"runs": [{"run": "a"}]},
-        {"runs": [{"run": "a", "slope_deg": 1, "mass_kg": -1, "torque_nm": 1, "held_out_final_error_m": None}]},
-        {"runs": [{"run": "a", "slope_deg": 1, "mass_kg": 1, "torque_nm": 1, "held_out_final_error_m": -1}]},
-        {"runs": [{"run": "a", "slope_deg": float("nan"), "mass_kg": 1, "torque_nm": 1, "held_out_final_error_m": 0}]},
+        {"runs": [{"run": "a", "slope_deg": 1, "mass_kg": -1, "torque_nm": 1, "left_out_final_error_m": None}]},
+        {"runs": [{"run": "a", "slope_deg": 1, "mass_kg": 1, "torque_nm": 1, "left_out_final_error_m": -1}]},
+        {"runs": [{"run": "a", "slope_deg": float("nan"), "mass_kg": 1, "torque_nm": 1, "left_out_final_error_m": 0}]},
         {"scales": {"slope_deg": 1}},
         {"scales": {"slope_deg": 0, "log_torque_ratio": 1, "log_mass_kg": 1}},
         {"joint_limit": float("inf")},

@@ -27,7 +27,7 @@ SCALES = (9.0, 0.5, 0.3)
 
 
 def known_runs(seed: int, count: int, error_m: float | None = None) -> Neighbourhood:
-    """Runs at random over the spans; all with the same held-out error."""
+    """Runs at random over the spans; all with the same left-out error."""
     spread = np.random.default_rng(seed).uniform(size=(count, 3))
     lowest, highest = np.array([SPANS[field] for field in ("slope_deg", "mass_kg", "torque_nm")]).T
     runs = tuple(
@@ -106,12 +106,12 @@ def test_without_errors_the_largest_gap_comes_first():
 @given(st.integers(0, 10_000), st.floats(0.0, 32.0))
 @settings(max_examples=10)
 def test_runs_follow_the_errors_but_do_not_pile_up_there(seed, slope_deg):
-    """Where held-out errors are a hundred times larger, most suggestions go, each to another place."""
+    """Where left-out errors are a hundred times larger, most suggestions go, each to another place."""
     calm = known_runs(seed, 60, 0.005)
     spoilt = replace(
         calm,
         runs=tuple(
-            replace(run, held_out_final_error_m=0.5) if abs(run.slope_deg - slope_deg) < 6.0 else run
+            replace(run, left_out_final_error_m=0.5) if abs(run.slope_deg - slope_deg) < 6.0 else run
             for run in calm.runs
         ),
     )

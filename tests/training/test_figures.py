@@ -11,7 +11,7 @@ from service.learning.network.fit_config import FitConfig
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.scenario import Positions
 from service.training.figures import RENDERERS, STYLES, as_png, as_svg, reproduction_figures
-from service.training.report import climbs, error_curves, held_out_report, relative_error
+from service.training.report import climbs, error_curves, left_out_report, relative_error
 from service.training.reproduce import CONTESTANTS, Effort, Reproduction, Row, Trial, set_course
 from tests.learning.synthetic import synthetic_run
 from tests.training.test_reproduce import paper_store
@@ -86,19 +86,19 @@ def left_out():
     return evaluations, error_curves(runs, positions)
 
 
-def test_the_held_out_report_is_small_files_that_are_the_same_each_time():
-    one, other = (held_out_report(*left_out(), VIPER, LUNAR_REGOLITH) for _ in range(2))
+def test_the_left_out_report_is_small_files_that_are_the_same_each_time():
+    one, other = (left_out_report(*left_out(), VIPER, LUNAR_REGOLITH) for _ in range(2))
     assert one == other
-    assert one.keys() == {"report/held_out.md", "report/held_out_errors.svg", "report/held_out_time.svg"}
+    assert one.keys() == {"report/left_out.md", "report/left_out_errors.svg", "report/left_out_time.svg"}
     for name, content in one.items():
         assert len(content) < MOST_BYTES
         if name.endswith(".svg"):
             assert ET.fromstring(content).tag == "{http://www.w3.org/2000/svg}svg"
-            assert name.removeprefix("report/") in one["report/held_out.md"].decode()
+            assert name.removeprefix("report/") in one["report/left_out.md"].decode()
 
 
-def test_the_held_out_table_tells_sets_and_climbing_runs_apart():
-    page = held_out_report(*left_out(), VIPER, LUNAR_REGOLITH)["report/held_out.md"].decode()
+def test_the_left_out_table_tells_sets_and_climbing_runs_apart():
+    page = left_out_report(*left_out(), VIPER, LUNAR_REGOLITH)["report/left_out.md"].decode()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line[:1] == "|"]
     found = {(row[0], row[1]): row[2:] for row in rows if row[1] in ("climbing", "stalling or sliding", "both")}
     assert {names: int(cells[0]) for names, cells in found.items()} == {
@@ -118,7 +118,7 @@ def test_a_section_tells_how_well_slopes_are_predicted_from_the_others():
     evaluations, curves = left_out()
     series = [replace(run, set_name="a|b") for run in evaluations[4::-1]]
     other = [replace(run, mass_kg=860.0) for run in series]
-    page = held_out_report(evaluations, curves, VIPER, LUNAR_REGOLITH, [*series, *other])["report/held_out.md"].decode()
+    page = left_out_report(evaluations, curves, VIPER, LUNAR_REGOLITH, [*series, *other])["report/left_out.md"].decode()
     rows = [line.strip("| ").split(" | ") for line in page.split("## One slope left out of its series")[1].splitlines()]
     of_one = [row[3:] for row in rows if row[:3] == [r"a\|b", "430", "60"]]
     assert [row[0] for row in of_one] == [
@@ -130,9 +130,9 @@ def test_a_section_tells_how_well_slopes_are_predicted_from_the_others():
 
 def test_without_series_there_is_no_such_section():
     evaluations, curves = left_out()
-    report = held_out_report(evaluations, curves, VIPER, LUNAR_REGOLITH)
-    assert b"One slope left out" not in report["report/held_out.md"]
-    assert held_out_report(evaluations, curves, VIPER, LUNAR_REGOLITH, evaluations).keys() == report.keys()
+    report = left_out_report(evaluations, curves, VIPER, LUNAR_REGOLITH)
+    assert b"One slope left out" not in report["report/left_out.md"]
+    assert left_out_report(evaluations, curves, VIPER, LUNAR_REGOLITH, evaluations).keys() == report.keys()
 
 
 def test_relative_errors_are_over_five_centimetres_at_least():
@@ -152,11 +152,11 @@ def test_error_curves_keep_the_first_and_the_last_error():
 
 def test_no_runs_no_report():
     with pytest.raises(ValueError, match="at least one run"):
-        held_out_report([], [], VIPER, LUNAR_REGOLITH)
+        left_out_report([], [], VIPER, LUNAR_REGOLITH)
 
 
 def test_a_name_cannot_break_the_table():
     evaluations, curves = left_out()
     odd = [replace(evaluations[0], set_name="a|b"), *evaluations[1:]]
-    page = held_out_report(odd, curves, VIPER, LUNAR_REGOLITH)["report/held_out.md"].decode()
+    page = left_out_report(odd, curves, VIPER, LUNAR_REGOLITH)["report/left_out.md"].decode()
     assert r"a\|b" in page

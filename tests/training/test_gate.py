@@ -141,8 +141,8 @@ def test_runs_the_champion_was_trained_on_do_not_judge_it(store):
     champion = put(store, test=rows([0.5] * 9)[:3], train=rows([0.5] * 9)[3:])
     judged = compare(store, "rover", candidate, champion)
     assert (judged.verdict, judged.common_runs, judged.seen_by_against) == (Verdict.NOT_COMPARABLE, 3, 6)
-    assert "3 runs were left out of both, at least 5 are needed" in judged.sentence()
-    assert "rover@2 was trained on 6 of the 9 runs left out of rover@1" in judged.sentence()
+    assert "3 runs are unseen by both, at least 5 are needed" in judged.sentence()
+    assert "rover@2 was trained on 6 of the 9 runs that rover@1 has not seen" in judged.sentence()
 
 
 def test_training_runs_predicted_without_them_do_judge(store):
@@ -181,7 +181,7 @@ def test_a_version_without_left_out_runs_is_named(store):
     for pair in ((tested, untested), (untested, tested)):
         judged = compare(store, "rover", *pair)
         assert judged.verdict is Verdict.NOT_COMPARABLE
-        assert "rover@2 has no errors of runs it was not made from" in judged.sentence()
+        assert "rover@2 has no errors on unseen runs" in judged.sentence()
 
 
 def test_any_two_models_can_be_compared(store):

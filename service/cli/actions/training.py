@@ -42,11 +42,11 @@ class TrainingResult:
     promoted: str | None
 
     def judged_by(self) -> tuple[str, dict[str, Any]]:
-        """What was measured on, and its summary: the test runs, or where none were left out, the training runs."""
+        """What was measured on, and its summary: the test runs, or without any, the training runs."""
         test, train = self.trained.test_evaluations, self.trained.train_evaluations
         if test:
             return f"test runs, never seen in training ({len(test)})", summarise(test)
-        return f"runs it was trained on, since none was left out for testing ({len(train)})", summarise(train)
+        return f"runs it was trained on, since there are no test runs ({len(train)})", summarise(train)
 
     def as_json(self) -> dict[str, Any]:
         """Plain JSON content; errors in metres."""

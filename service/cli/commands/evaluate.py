@@ -13,7 +13,7 @@ from service.cli.views.errors import error_table, runs_table
 
 _GROUPS = {
     "train": "runs it was trained on",
-    "test": "test runs, left out of its training",
+    "test": "test runs, kept apart from its training",
     "new": "new runs, unknown to its training",
 }
 
@@ -30,14 +30,14 @@ def evaluate(
 ) -> None:
     """Measure a version on Chrono runs: final, maximum and rms position error, beside its prior alone.
 
-    Each run is marked as seen in training (train), left out of it (test) or unknown to the version (new):
+    Each run is marked as seen in training (train), kept apart from it (test) or unknown to the version (new):
     errors on runs that it was trained on say little about runs that it was not.
 
     Examples:
     All runs of a dataset:
       rover-twin evaluate viper-lunar --dataset paper
 
-    One version at the slope that was left out of its training, errors in metres as JSON:
+    One version at the slope of its test runs, errors in metres as JSON:
       rover-twin evaluate viper-lunar@1 --dataset paper --slope-deg 28 --json
     """
     from service.cli.actions.evaluation import evaluate_version

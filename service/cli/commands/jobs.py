@@ -100,7 +100,7 @@ def start_job(
     promote: Annotated[
         Literal["never", "if_better"] | None,
         typer.Option(
-            help="Point champion to the version when its held-out error is better by the margin. Default: never.",
+            help="Point champion to the version when its error on unseen runs is better by the margin. Default: never.",
             rich_help_panel=_AFTERWARDS,
             show_default=False,
         ),
@@ -108,7 +108,7 @@ def start_job(
     margin: Annotated[
         float | None,
         typer.Option(
-            help="Share by which the held-out error must fall; 0 to 0.5. Default: 0.05.",
+            help="Share by which the error on unseen runs must fall; 0 to 0.5. Default: 0.05.",
             rich_help_panel=_AFTERWARDS,
             show_default=False,
         ),

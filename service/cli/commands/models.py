@@ -100,7 +100,7 @@ def compare_two(
     store: options.Store = None,
     json: options.Json = False,
 ) -> None:
-    """Say whether A is better than B, on left-out runs: the gate that training jobs pass.
+    """Say whether A is better than B, on runs that neither has seen: the gate that training jobs pass.
 
     The exit code is 0 whatever the verdict; --json has it as "verdict" and "promote".
 

@@ -41,10 +41,10 @@ def make_view() -> JobProgressView:
 
 
 def errors_of(reached: Mapping[str, Any]) -> str:
-    """The errors so far and the time left, as far as they are known: "train 1.234 held-out 2.345 cm rms"."""
+    """The errors so far and the time left, as far as they are known: "train 1.234 validation 2.345 cm rms"."""
     known = [
         f"{name} {100 * reached[field]:.3f}"
-        for name, field in (("train", "train_error_m"), ("held-out", "held_out_error_m"))
+        for name, field in (("train", "train_error_m"), ("validation", "validation_error_m"))
         if reached.get(field) is not None
     ]
     return " ".join(known) + " cm rms" if known else ""

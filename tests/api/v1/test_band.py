@@ -104,7 +104,7 @@ def test_the_domain_tells_how_near_the_nearest_runs_are(banded):
     assert distances == sorted(distances)
     assert domain["distance"] == distances[0]
     assert set(domain["nearest_runs"][0]) == {
-        "run", "slope_deg", "mass_kg", "torque_nm", "held_out_final_error_m", "distance"
+        "run", "slope_deg", "mass_kg", "torque_nm", "left_out_final_error_m", "distance"
     }  # fmt: skip
 
 

@@ -36,7 +36,7 @@ def publish(store, domain, **checkpoint):
 
 @pytest.fixture
 def knowing(serve, store):
-    """A service whose model `known` lists its runs: version 1 with held-out errors, version 2 without."""
+    """A service whose model `known` lists its runs: version 1 with left-out errors, version 2 without."""
     publish(store, domain_of({run.name: 0.001 * (1 + run.slope_deg) for run in synthetic_runs()}).describe())
     publish(store, domain_of({}).describe())
     return serve()
@@ -75,7 +75,7 @@ def test_csv_is_a_table_of_runs(knowing):
     assert rows == [{k: str(v) for k, v in row.items() if k != "reason"} for row in document["runs"]]
 
 
-def test_without_held_out_errors_it_fills_gaps(knowing):
+def test_without_left_out_errors_it_fills_gaps(knowing):
     document = knowing.get("/v1/models/known/versions/2/suggested-runs", n=3).json()
 
     assert [row["reason"]["expected_error_m"] for row in document["runs"]] == [None] * 3

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.learning.held_out import left_out_slopes
+from service.learning.left_out import left_out_slopes
 from service.learning.observed import ObservedRun, scenarios_of
 from service.learning.resistance.engine import Engine
 from service.learning.resistance.fit import FittedProcess, fit_resistance_process

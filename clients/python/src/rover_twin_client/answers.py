@@ -66,7 +66,7 @@ class NearestRun:
     slope_deg: float
     mass_kg: float
     torque_nm: float
-    held_out_final_error_m: float | None
+    left_out_final_error_m: float | None
     distance: float
 
 
@@ -174,7 +174,7 @@ class MobilityMap:
 class SuggestionReason:
     """Why a scenario is worth a simulation: the error to expect of its final position (m), and the nearest run.
 
-    The error is None where no run of the version has a held-out error. `distance` is scaled by the spread of the runs.
+    The error is None where no run of the version has a left-out error. `distance` is scaled by the spread of the runs.
     """
 
     expected_error_m: float | None

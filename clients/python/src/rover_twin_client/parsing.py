@@ -165,7 +165,7 @@ def _nearest_run(node: Node) -> NearestRun:
         slope_deg=node["slope_deg"].number(),
         mass_kg=node["mass_kg"].number(),
         torque_nm=node["torque_nm"].number(),
-        held_out_final_error_m=_optional_number(node, "held_out_final_error_m"),
+        left_out_final_error_m=_optional_number(node, "left_out_final_error_m"),
         distance=node["distance"].number(),
     )
 

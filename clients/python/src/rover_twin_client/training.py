@@ -93,7 +93,7 @@ class JobProgress:
     epoch: int | None
     epochs: int | None
     train_error_m: float | None
-    held_out_error_m: float | None
+    validation_error_m: float | None
     eta_s: float | None
 
 

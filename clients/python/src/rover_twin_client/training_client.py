@@ -127,8 +127,8 @@ class TrainingClient(Connection):
         """Queues the training of a new version of `model` on stored datasets (ids or names). Never queued twice.
 
         Every runs at one of `test_slopes_deg`, and a share `test_fraction` of the others, is kept for testing. What is
-        None has the service's default. `promote="if_better"` moves champion when the held-out error falls by the share
-        `margin`. Each call makes a key of its own, under which it is repeated when the connection breaks; with an
+        None has the service's default. `promote="if_better"` moves champion when the error on unseen runs falls by the
+        share `margin`. Each call makes a key of its own, under which it is repeated when the connection breaks; with an
         `idempotency_key` of yours even another process can repeat it.
 
         Raises InvalidInputError for what cannot work, QueueFullError when too many jobs wait.

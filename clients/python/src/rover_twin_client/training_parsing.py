@@ -152,7 +152,7 @@ def _progress(node: Node) -> JobProgress:
         epoch=_optional(node, "epoch", Node.whole),
         epochs=_optional(node, "epochs", Node.whole),
         train_error_m=_optional(node, "train_error_m", Node.number),
-        held_out_error_m=_optional(node, "held_out_error_m", Node.number),
+        validation_error_m=_optional(node, "validation_error_m", Node.number),
         eta_s=_optional(node, "eta_s", Node.number),
     )
 

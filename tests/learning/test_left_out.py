@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.learning.held_out import left_out_slopes
+from service.learning.left_out import left_out_slopes
 from service.learning.observed import ObservedRun
 from service.physics.scenario import Positions, Scenarios
 

@@ -36,7 +36,7 @@ def left_out_slopes(runs: Sequence[ObservedRun], leave_one_out: LeaveOneOut, few
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HeldOutErrors:
+class LeftOutErrors:
     """Absolute errors (m) of each run's left-out prediction on a common time grid.
 
     `time_s` has shape (time,), `error_m` shape (2, run, time) for x and y, NaN beyond a run's own horizon, and
