@@ -53,10 +53,15 @@ def allowed_values(schema: Mapping[str, Any]) -> str:
         return _interval(schema, _KINDS[kind])
     if kind == "array" and "items" in schema:
         return f"a list of {allowed_values(schema['items'])}"
+    if kind == "string" and "maxLength" in schema:
+        lowest = schema.get("minLength", 0)
+        return f"text of {f'{lowest} to' if lowest else 'at most'} {schema['maxLength']} characters"
     return _KINDS.get(kind, "another value")
 
 
 def _interval(schema: Mapping[str, Any], kind: str) -> str:
+    if kind == _KINDS["integer"] and "minimum" in schema and "maximum" in schema:
+        return f"{kind} from {schema['minimum']} to {schema['maximum']}"
     lowest = schema.get("minimum", schema.get("exclusiveMinimum"))
     highest = schema.get("maximum", schema.get("exclusiveMaximum"))
     if lowest is None and highest is None:

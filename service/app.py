@@ -11,7 +11,6 @@ import threading
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
-from functools import partial
 from types import FrameType
 from typing import Any
 
@@ -29,11 +28,11 @@ from service.api.http import docs
 from service.api.http.body_limit import BodyLimit
 from service.api.http.errors import ErrorAnswers
 from service.api.http.instruments import Instruments
-from service.api.http.lanes import Application, lanes_of
-from service.api.http.openapi import document_of
+from service.api.http.lanes import Lanes, lanes_of
+from service.api.http.openapi import openapi_of
 from service.api.http.request_log import RequestLog
 from service.api.http.upload_body import remove_forgotten_uploads
-from service.api.http.worker_threads import Line
+from service.api.http.worker_threads import WorkerThreads
 from service.api.services import Lifecycle, LifespanState, Services
 from service.api.v1 import (
     aliases,
@@ -54,7 +53,7 @@ from service.log import configure_logging
 from service.memory import give_back, limit_arenas
 from service.processes import run_processes
 from service.settings import Settings
-from service.twin import CountedTwin, Twin, TwinRegistry
+from service.twin import Twin, TwinRegistry
 
 _STORAGE_THREADS = 16
 _MAX_HEADER_BYTES = 32 * 1024
@@ -77,18 +76,17 @@ def create_app(
     counting = instruments or Instruments()
     threads = settings.threads or available_cpus()
 
-    def prepare(twin: Twin) -> Twin:
+    def brought_in(twin: Twin) -> None:
         if "torch" in sys.modules:  # imported by the first version that has a network
             limit_torch_threads(threads)
         counting.loaded(twin)
-        return CountedTwin.of(twin, counting.predicted)
 
     registry = TwinRegistry(
         store,
         settings.default_model,
         capacity=settings.max_resident_versions,
         refresh_s=settings.refresh_s,
-        prepare=prepare,
+        loaded=brought_in,
         released=give_back,
     )
     state = lifecycle or Lifecycle()
@@ -97,13 +95,13 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[LifespanState]:
-        parts = Services(
+        services = Services(
             settings=settings,
             lifecycle=state,
             store=store,
             registry=registry,
-            predictions=Line("predictions", threads, settings.max_waiting),
-            storage=Line("store reads", _STORAGE_THREADS, settings.max_waiting),
+            predictions=WorkerThreads("predictions", threads, settings.max_waiting),
+            storage=WorkerThreads("store reads", _STORAGE_THREADS, settings.max_waiting),
             instruments=counting,
             jobs=jobs,
             worker=worker,
@@ -118,7 +116,7 @@ def create_app(
         async with anyio.create_task_group() as tasks:
             # beside the start, not before it: a slow store must not make the process look dead
             tasks.start_soon(start)
-            yield LifespanState(services=parts)
+            yield LifespanState(services=services)
             if worker:
                 worker.end()
         await anyio.to_thread.run_sync(registry.close)
@@ -134,13 +132,13 @@ def openapi_document() -> dict[str, Any]:
     """The OpenAPI document, without a store or a server. The same for all settings."""
     fields = Settings.model_fields
     limits = (fields[name].default for name in ("max_body_bytes", "max_upload_bytes"))
-    return document_of(_assemble(None, Instruments(), *limits))
+    return openapi_of(_assemble(None, Instruments(), *limits))
 
 
 def _assemble(
     lifespan: _Lifespan | None, instruments: Instruments, max_body_bytes: int, max_upload_bytes: int
 ) -> FastAPI:
-    app = Application(
+    app = FastAPI(
         title="Rover Twin",
         version=service.__version__,
         summary="Where will the rover go, how sure are we, should it drive?",
@@ -156,22 +154,20 @@ def _assemble(
         ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, max_body_bytes),
     }
     answer_to = ErrorAnswers({PREFIX: failure})
-    logged = partial(RequestLog, instruments=instruments, answer_to=answer_to)
-    bounded = partial(BodyLimit, limit_bytes=max_body_bytes, answer_to=answer_to)
+    # the last one added is the outermost
+    app.add_middleware(Lanes, lanes=[*lanes_of(predictions.router), *lanes_of(inference.router)], answer_to=answer_to)
     app.add_middleware(BodyLimit, limit_bytes=max_body_bytes, answer_to=answer_to, larger=larger)
     app.add_middleware(AdminGate, answer_to=answer_to)
-    app.add_middleware(RequestLog, instruments=instruments, answer_to=answer_to)  # added last, so outermost
-    app.open_lanes([*lanes_of(predictions.router), *lanes_of(inference.router)], [logged, bounded])
+    app.add_middleware(RequestLog, instruments=instruments, answer_to=answer_to)
     answer_to.install(app)
     app.include_router(predictions.router)  # first, for a request is compared with one address after the other
     app.include_router(batch.router)
     docs.install(app)
-    inference.install(app)
-    for resource in (mobility, models, suggested_runs, health, metrics, datasets, training_jobs):
+    for resource in (inference, mobility, models, suggested_runs, health, metrics, datasets, training_jobs):
         app.include_router(resource.router)
-    for router in (aliases.reading, aliases.moving, aliases.going_back):
+    for router in (aliases.reading, aliases.moving):
         app.include_router(router)
-    app.openapi = lambda: document_of(app)  # type: ignore[method-assign] # FastAPI's documented way
+    app.openapi = lambda: openapi_of(app)  # type: ignore[method-assign] # FastAPI's documented way
     return app
 
 

@@ -5,12 +5,9 @@ from __future__ import annotations
 import hashlib
 import hmac
 import re
-from collections.abc import Callable, Coroutine, Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
-from fastapi import Depends, Header, Request, Response, Security
-from fastapi.exceptions import RequestValidationError
-from fastapi.routing import APIRoute
+from fastapi import Depends, Header, Request, Security
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from pydantic.json_schema import SkipJsonSchema
 from starlette.datastructures import Headers
@@ -19,8 +16,9 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from service.api.http.errors import ErrorAnswers, own_path
 from service.api.http.exceptions import AdminOffError, UnauthorizedError
 from service.api.http.problems import Slug
+from service.api.http.reading import Route
 from service.api.services import Services, services_of
-from service.wire.faults import InvalidInputError, fault, faults_of, require_unique
+from service.wire.faults import InvalidInputError, fault
 
 ACTOR_HEADER = "X-Actor"
 ADMIN = "admin"
@@ -102,34 +100,9 @@ class AdminGate:
         await self.app(scope, receive, send)
 
 
-def admin_route(allowed: Mapping[str, str]) -> type[APIRoute]:
-    """The class of routes that need the token: checked before the body is read, faults in the words of `allowed`.
+class AdminRoute(Route):
+    """A route that needs the token: checked before query and body are read."""
 
-    `allowed` says of each field of query and body what it accepts. A field that is there twice is refused.
-    """
-
-    class AdminRoute(APIRoute):
-        """A route of its own kind, so that FastAPI does not read the body before the token is known."""
-
-        def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-            handle = super().get_route_handler()
-
-            async def handle_checked(request: Request) -> Response:
-                check_token(await services_of(request), request.headers)
-                require_unique(request.query_params.multi_items(), allowed)
-                try:
-                    return await handle(request)
-                except RequestValidationError as error:
-                    if _is_no_object(error):
-                        raise
-                    raise InvalidInputError(*faults_of(error.errors(), allowed)) from error
-
-            return handle_checked
-
-    return AdminRoute
-
-
-def _is_no_object(error: RequestValidationError) -> bool:
-    """Whether the body cannot be read at all; `service.api.http.errors` has the words for that."""
-    first = error.errors()[0]
-    return first["type"] == "json_invalid" or (first["type"], first["loc"]) == ("missing", ("body",))
+    def admit(self, request: Request) -> None:
+        """Raises what `check_token` raises."""
+        check_token(request.scope["state"]["services"], request.headers)

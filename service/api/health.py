@@ -11,8 +11,9 @@ from model_store import StoreError
 from service.api.http.exceptions import NotReadyError
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
+from service.api.http.reading import Route
 from service.api.http.worker_threads import OverloadedError
-from service.api.services import Parts, Services
+from service.api.services import Services, TheServices
 from service.errors import RoverTwinError
 from service.twin import Loaded
 from service.twin.probe import probe
@@ -50,7 +51,7 @@ class ReadyAnswer(BaseModel):
     failures: list[LoadFailure]
 
 
-router = APIRouter(prefix="/health", tags=["health"])
+router = APIRouter(prefix="/health", tags=["health"], route_class=Route)
 
 
 @router.get("/live", summary="Is the process alive?")
@@ -60,21 +61,21 @@ async def live() -> LiveAnswer:
 
 
 @router.get("/ready", summary="Can it predict?", responses=problem_responses(Slug.NOT_READY))
-async def ready(parts: Parts) -> ReadyAnswer:
+async def ready(services: TheServices) -> ReadyAnswer:
     """Makes a small prediction with the default model, on the path that requests take."""
-    if parts.lifecycle.draining:
+    if services.lifecycle.draining:
         raise NotReadyError("the service is shutting down")
-    default = parts.settings.default_model
+    default = services.settings.default_model
     try:
-        loaded = await parts.twin(give_up_s=PROBE_TIMEOUT_S)
-        probe = await parts.predictions.run(lambda: _probe(loaded), give_up_s=PROBE_TIMEOUT_S)
+        loaded = await services.twin(give_up_s=PROBE_TIMEOUT_S)
+        probe = await services.predictions.run(lambda: _probe(loaded), give_up_s=PROBE_TIMEOUT_S)
     except (RoverTwinError, StoreError) as error:
         if isinstance(error, OverloadedError):
             raise NotReadyError(str(error)) from error
         raise NotReadyError(f"the default model {default} cannot predict: {error}") from error
     except TimeoutError:
         raise NotReadyError(f"the default model {default} gave no answer in {PROBE_TIMEOUT_S:g} s") from None
-    return ReadyAnswer(model=_identity(loaded), probe=probe, failures=_failures(parts))
+    return ReadyAnswer(model=_identity(loaded), probe=probe, failures=_failures(services))
 
 
 def _probe(loaded: Loaded) -> Probe:
@@ -86,6 +87,6 @@ def _identity(loaded: Loaded) -> ModelIdentity:
     return ModelIdentity(name=loaded.twin.name, version=loaded.twin.version, alias=loaded.alias)
 
 
-def _failures(parts: Services) -> list[LoadFailure]:
-    status = parts.registry.status()
+def _failures(services: Services) -> list[LoadFailure]:
+    status = services.registry.status()
     return [LoadFailure(reference=reference, message=message) for reference, message in status.failures]

@@ -11,8 +11,9 @@ from prometheus_client.registry import Collector
 
 from service.api.http.instruments import PREFIX
 from service.api.http.openapi import problem_responses
+from service.api.http.reading import Route
 from service.api.http.worker_threads import OverloadedError
-from service.api.services import Parts, Services
+from service.api.services import Services, TheServices
 from service.errors import JobsUnavailableError
 
 _PATIENCE_S = 3.0
@@ -35,8 +36,8 @@ class _JobStates(Collector):
 class _Residents(Collector):
     """What the process that was asked has in memory; all processes load what is asked of them."""
 
-    def __init__(self, parts: Services) -> None:
-        self._status = parts.registry.status()
+    def __init__(self, services: Services) -> None:
+        self._status = services.registry.status()
 
     def collect(self) -> Iterable[Metric]:
         """Two gauges."""
@@ -45,7 +46,7 @@ class _Residents(Collector):
         yield GaugeMetricFamily(f"{PREFIX}reference_failures", failures, len(self._status.failures))
 
 
-router = APIRouter(tags=["health"])
+router = APIRouter(tags=["health"], route_class=Route)
 
 
 @router.get(
@@ -54,22 +55,22 @@ router = APIRouter(tags=["health"])
     response_class=Response,
     responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}, **problem_responses()},
 )
-async def metrics(request: Request, parts: Parts) -> Response:
+async def metrics(request: Request, services: TheServices) -> Response:
     """Counters since the start, of all processes that share this port. OpenMetrics for who accepts it."""
-    others: list[Collector] = [_Residents(parts)]
-    if parts.jobs is not None and (counts := await _job_counts(parts)) is not None:
+    others: list[Collector] = [_Residents(services)]
+    if services.jobs is not None and (counts := await _job_counts(services)) is not None:
         others.append(_JobStates(counts))
     accept = request.headers.get("accept", "")
-    media_type, text = await anyio.to_thread.run_sync(lambda: parts.instruments.exposition(accept, *others))
+    media_type, text = await anyio.to_thread.run_sync(lambda: services.instruments.exposition(accept, *others))
     return Response(text, headers={"Content-Type": media_type})
 
 
-async def _job_counts(parts: Services) -> Mapping[str, int] | None:
+async def _job_counts(services: Services) -> Mapping[str, int] | None:
     """None while the jobs' database does not answer: a missing number says so, a zero would lie."""
-    queue = parts.jobs
+    queue = services.jobs
     assert queue is not None
     try:
-        counts = await parts.job_calls.run(lambda: queue.counts(), give_up_s=_PATIENCE_S)
+        counts = await services.job_calls.run(lambda: queue.counts(), give_up_s=_PATIENCE_S)
     except (JobsUnavailableError, OverloadedError, TimeoutError):
         return None
     return {state: counts[state] for state in counts}

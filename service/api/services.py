@@ -8,10 +8,11 @@ from typing import Annotated, TypedDict
 import anyio
 from fastapi import Depends, Request
 
-from model_store import ModelStore
+from model_store import Manifest, ModelStore
 from service.api.http.event_stream import MOST_LISTENERS
 from service.api.http.instruments import Instruments
-from service.api.http.worker_threads import Line
+from service.api.http.statistics import Statistics
+from service.api.http.worker_threads import WorkerThreads
 from service.jobs.queue import JobQueue
 from service.jobs.supervisor import WorkerSupervisor
 from service.settings import Settings
@@ -32,22 +33,26 @@ class Lifecycle:
 
 @dataclass(frozen=True, slots=True)
 class Services:
-    """The service's parts. `predictions`, `storage` and `job_calls` are the lines of worker threads; `listeners`
-    counts who follows a job, `figures` who draws, `uploads` those that are coming in or being imported.
+    """What requests are answered with. `predictions`, `storage` and `job_calls` are worker threads; `listeners`
+    counts who follows a job, `figures` who draws, `uploads` those that are coming in or being imported. `statistics`
+    are those of the inference protocol.
     """
 
     settings: Settings
     lifecycle: Lifecycle
     store: ModelStore
     registry: TwinRegistry
-    predictions: Line
-    storage: Line
+    predictions: WorkerThreads
+    storage: WorkerThreads
     instruments: Instruments
     jobs: JobQueue | None = None  # None without an admin token
     worker: WorkerSupervisor | None = None  # None where it is left to others
     # a line of their own: a database that hangs must not keep the store's readers waiting
-    job_calls: Line = field(default_factory=lambda: Line("training job calls", _JOB_THREADS, _JOB_CALLS_WAITING))
+    job_calls: WorkerThreads = field(
+        default_factory=lambda: WorkerThreads("training job calls", _JOB_THREADS, _JOB_CALLS_WAITING)
+    )
     listeners: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(MOST_LISTENERS))
+    statistics: Statistics = field(default_factory=Statistics)
     figures: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(1))
     uploads: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(UPLOADS_AT_ONCE))
 
@@ -57,6 +62,12 @@ class Services:
             return loaded
         return await self.storage.run(lambda: self.registry.get(reference), give_up_s=give_up_s)
 
+    async def manifest(self, name: str, version: int) -> Manifest:
+        """The manifest of a version, from memory where it is resident. Raises what the store and `run` raise."""
+        if loaded := self.registry.resident(f"{name}@{version}"):
+            return loaded.twin.manifest
+        return await self.storage.run(lambda: self.store.manifest(name, version))
+
 
 class LifespanState(TypedDict):
     """What the lifespan puts into the state of each request."""
@@ -65,9 +76,9 @@ class LifespanState(TypedDict):
 
 
 async def services_of(request: Request) -> Services:
-    """The parts of the service that answers this request."""
+    """The services of the app that answers this request."""
     services: Services = request.state.services
     return services
 
 
-Parts = Annotated[Services, Depends(services_of)]
+TheServices = Annotated[Services, Depends(services_of)]

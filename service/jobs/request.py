@@ -55,15 +55,25 @@ class TrainingJobRequest(_Asked):
     """A training job as it is asked for."""
 
     model: Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9-]{0,62}$")] = Field(
-        description="Name of the model that gets a new version: a-z, 0-9 and -."
+        description="Name of the model that gets a new version: a-z, 0-9 and -.",
+        json_schema_extra={"x-allowed": "a-z, 0-9 and -, starting with a letter or digit, at most 63 characters"},
     )
     datasets: Annotated[
         tuple[Annotated[str, StringConstraints(min_length=1, max_length=64)], ...], Field(min_length=1, max_length=64)
-    ] = Field(description="Ids, unique starts of ids, or names of stored datasets.")
+    ] = Field(
+        description="Ids, unique starts of ids, or names of stored datasets.",
+        json_schema_extra={
+            "x-allowed": "a list of 1 to 64 datasets: ids, unique starts of ids (6 digits or more), or names"
+        },
+    )
     architecture: ArchitectureName = Field("resistance_process", description="The learned part; zero is none.")
     prior: PriorName = Field(_DEFAULTS["prior"], description="The closed-form part.")
     inputs: Annotated[tuple[InputName, ...], Field(min_length=1, max_length=16)] = Field(
-        tuple(_DEFAULTS["inputs"]), description="What a network sees, time_s first and each once."
+        tuple(_DEFAULTS["inputs"]),
+        description="What a network sees, time_s first and each once.",
+        json_schema_extra={
+            "x-allowed": "a list of time_s first, then any of slope_deg, mass_kg, torque_nm and torque_ratio, each once"
+        },
     )
     x_form: XForm = Field(_DEFAULTS["x_form"], description="What a network's x output is.")
     split: SplitRequest = Field(SplitRequest(), description="Which runs are kept for testing.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from service.twin.batch import PredictionBatch, sample_grid
-from service.twin.counted import CountedTwin
+from service.twin.counting import Count, uncounted
 from service.twin.prediction import Frame, NonFiniteError, OutsideDomainError, Prediction, PredictionBand
 from service.twin.registry import Loaded, RegistryStatus, TwinRegistry
 from service.twin.scenario import Scenario, sample_times
@@ -11,7 +11,7 @@ from service.twin.summary import Outcome, Summaries, Summary
 from service.twin.twin import Twin
 
 __all__ = [
-    "CountedTwin",
+    "Count",
     "Frame",
     "Loaded",
     "NonFiniteError",
@@ -28,4 +28,5 @@ __all__ = [
     "TwinRegistry",
     "sample_grid",
     "sample_times",
+    "uncounted",
 ]

@@ -8,6 +8,7 @@ as most of a trajectory's error is shared by the ends of its last quarter. Witho
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -17,6 +18,7 @@ import numpy.typing as npt
 
 from service.errors import InvalidValueError
 from service.physics.scenario import Array, Scenarios
+from service.twin.counting import Count, uncounted
 from service.twin.prediction import NonFiniteError
 from service.twin.scenario import Scenario
 from service.twin.summary import LAST_PART, Outcome, outcomes_of
@@ -62,8 +64,9 @@ def mobility_map(
     slopes_deg: Sequence[float] | Array,
     horizon_s: float,
     confidence: float,
+    count: Count = uncounted,
 ) -> MobilityMap:
-    """The map of one mass; torques and slopes must rise.
+    """The map of one mass; torques and slopes must rise. Its cells are predictions, which `count` is told of.
 
     Raises InvalidValueError for values that are not allowed, NonFiniteError instead of answering NaN or infinity.
     """
@@ -76,22 +79,26 @@ def mobility_map(
         raise InvalidValueError("torques x slopes x horizon_s", asked, limit)
     if not CONFIDENCE[0] <= confidence <= CONFIDENCE[1]:
         raise InvalidValueError("confidence", confidence, f"{CONFIDENCE[0]:g} to {CONFIDENCE[1]:g}")
+    began = time.perf_counter()
     ground = _Ground(twin, mass_kg, horizon_s, confidence)
     shape = len(torques), len(slopes)
     cells = ground.scenarios(np.repeat(torques, len(slopes)), np.tile(slopes, len(torques)))
     motion = ground.motion(cells)
     speed = motion.whole_m / horizon_s
+    outcomes, inside = ground.outcomes(motion.last_part_m), _inside(twin, mass_kg, torques, slopes, horizon_s)
+    steepest = _steepest(ground, torques, slopes, ground.climbed(cells, motion).reshape(shape))
+    count(twin, time.perf_counter() - began, outcomes, inside.size - int(inside.sum()))
     return MobilityMap(
         mass_kg=mass_kg,
         horizon_s=horizon_s,
         confidence=None if twin.band is None else confidence,
         slope_deg=slopes,
         torque_nm=torques,
-        outcome=_rows(ground.outcomes(motion.last_part_m), shape),
+        outcome=_rows(outcomes, shape),
         mean_speed_m_s=speed.reshape(shape),
         slip_ratio=_rows(twin.slip_ratios(cells, speed), shape),
-        inside_domain=_inside(twin, mass_kg, torques, slopes, horizon_s),
-        steepest_climb_slope_deg=_steepest(ground, torques, slopes, ground.climbed(cells, motion).reshape(shape)),
+        inside_domain=inside,
+        steepest_climb_slope_deg=steepest,
     )
 
 

@@ -23,7 +23,7 @@ class Probed:
 
 
 def probe(twin: Twin) -> Probed:
-    """One prediction, which nobody counts as a request's. Raises what `Twin.predict` raises."""
+    """One prediction. Raises what `Twin.predict` raises."""
     began = time.perf_counter()
-    batch = Twin.predict_many(twin, (_PROBE,), _PROBE_TIMES_S)
+    batch = twin.predict_many((_PROBE,), _PROBE_TIMES_S)
     return Probed(batch[0].summary.final_x_m, time.perf_counter() - began)

@@ -45,8 +45,8 @@ class TwinRegistry:
     """Twins by reference, at most `capacity` of them resident; thread-safe.
 
     `refresh_s` is how often followed aliases are looked up in the store. A twin predicts once before it is handed out,
-    so that no request waits for what only a first prediction needs; before that, `prepare` may put another in its
-    place. `released` is called when versions were dropped.
+    so that no request waits for what only a first prediction needs. `loaded` is told of each that was brought into
+    memory, `released` that some were dropped.
     """
 
     def __init__(
@@ -56,14 +56,14 @@ class TwinRegistry:
         *,
         capacity: int = 4,
         refresh_s: float = 0.5,
-        prepare: Callable[[Twin], Twin] = lambda twin: twin,
+        loaded: Callable[[Twin], None] = lambda _twin: None,
         released: Callable[[], None] = lambda: None,
     ) -> None:
         self._store = store
         self._default = _canonical(default_reference)
         self._capacity = max(1, capacity)
         self._refresh_s = refresh_s
-        self._prepare = prepare
+        self._tell_loaded = loaded
         self._released = released
         self._lock = threading.Lock()
         self._loading = threading.Lock()  # one load at a time: a load takes memory and cores
@@ -191,7 +191,8 @@ class TwinRegistry:
             with self._loading:
                 twin = self._resident(place)
                 if twin is None:
-                    twin = self._prepare(load_twin(self._store, *place))
+                    twin = load_twin(self._store, *place)
+                    self._tell_loaded(twin)
                     _warm_up(twin)
                 with self._lock:
                     before = len(self._twins)

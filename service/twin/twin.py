@@ -11,13 +11,13 @@ import numpy.typing as npt
 from model_store import Manifest
 from service.errors import InvalidValueError
 from service.learning.band import Band
-from service.learning.domain import Domain
+from service.learning.domain import Domain, DomainVerdict
 from service.learning.trajectory_model import TrajectoryModel
 from service.physics.frames import slope_to_world
 from service.physics.scenario import Array, Positions, Scenarios
 from service.physics.wheel_speed import slip_ratio, wheel_speed_rad_s
 from service.twin.batch import PredictionBatch, as_physics
-from service.twin.prediction import Frame, NonFiniteError, Prediction, PredictionBand
+from service.twin.prediction import Frame, NonFiniteError, OutsideDomainError, Prediction, PredictionBand
 from service.twin.scenario import Scenario
 from service.twin.summary import LAST_PART, Summaries, outcomes_of
 
@@ -163,6 +163,10 @@ class Twin:
             summaries=summaries,
             band=band,
         )
+
+    def outside(self, verdict: DomainVerdict) -> OutsideDomainError:
+        """What to tell a client that asked to be strict of a scenario with this verdict."""
+        return OutsideDomainError(f"{self.name}@{self.version}", verdict)
 
     def half_widths(self, scenarios: Scenarios, time_s: Array, level: float) -> tuple[Array, Array]:
         """Half-widths (m) of the band in x and y, each of shape (scenario, time).

@@ -5,7 +5,6 @@ What they share is checked as a single prediction's fields are, and by the same 
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,36 +12,31 @@ from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
-import orjson
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, create_model
 
 from service.errors import InvalidValueError
 from service.physics.scenario import Array
-from service.settings import LIMITS
-from service.twin import Scenario, sample_grid
-from service.twin.scenario import sample_count
+from service.twin import Scenario
 from service.wire.faults import (
     InputFault,
     InvalidInputError,
-    MalformedBodyError,
     fault,
     faults_of,
-    require_unique,
     unknown_field,
 )
-from service.wire.prediction import ALLOWED, PredictionBody, PredictionInputs, smallest_step_s
+from service.wire.points import bounded_grid, require_few_times
+from service.wire.prediction import ALLOWED, PredictionBody, PredictionInputs
 
 MAX_SCENARIOS = 1000
-POINTS_FACTOR = 10
-"""A batch may have that many times the points of one trajectory."""
 
 _FIELDS = PredictionInputs.model_fields
 _OF_SCENARIO = ("slope_deg", "mass_kg", "torque_nm", "horizon_s")
 _SHARED = tuple(name for name in _FIELDS if name not in _OF_SCENARIO)
-_ALLOWED = {name: ALLOWED[name] for name in (*_OF_SCENARIO, *_SHARED)} | {
+BATCH_WORDS = {name: ALLOWED[name] for name in (*_OF_SCENARIO, *_SHARED)} | {
     "scenarios": f"a list of 1 to {MAX_SCENARIOS} scenarios"
 }
-_SCENARIO_ALLOWED = {name: ALLOWED[name] for name in _OF_SCENARIO}
+"""What each field of a batch allows."""
+_SCENARIO_WORDS = {name: ALLOWED[name] for name in _OF_SCENARIO}
 _BODY_FIELDS = ("scenarios", *_SHARED)
 _STAND_IN = {"slope_deg": 0.0, "mass_kg": 100.0, "torque_nm": 0.0}
 
@@ -107,42 +101,33 @@ class BatchQuestion:
         Raises InvalidValueError where a trajectory would have more than `max_points` points, or all of them more than
         ten times as many, counted as if each were as long as the longest.
         """
-        count = len(self.scenarios)
-        most = max(2, min(max_points, POINTS_FACTOR * max_points // max(count, 1)))
-        limit = f"at most {most} points for each of {count} scenarios"
         if self.times_s is not None:
-            if len(self.times_s) > most:
-                raise InvalidValueError("times_s", f"{len(self.times_s)} times", limit)
+            require_few_times(len(self.times_s), len(self.scenarios), max_points)
             return self.times_s
-        if not count:
-            return np.empty(0)
-        horizons, dt_s = [each.horizon_s for each in self.scenarios], self.shared.dt_s
-        longest = max(horizons)
-        if sample_count(longest, dt_s) > most:
-            finest = f"{smallest_step_s(longest, most):g} to {LIMITS.dt_s[1]:g}"
-            raise InvalidValueError("dt_s", dt_s, f"{finest} for a horizon_s of {longest:g} ({limit})")
-        return sample_grid(horizons, dt_s)
+        horizons = [each.horizon_s for each in self.scenarios]
+        return bounded_grid(horizons, self.shared.dt_s, max_points) if horizons else np.empty(0)
 
 
-def read_batch(body: bytes) -> BatchQuestion:
-    """The question in a JSON body. Scenarios that are wrong are among its failures.
+def read_batch(document: object) -> BatchQuestion:
+    """The question in the JSON of a body. Scenarios that are wrong are among its failures.
 
-    Raises InvalidInputError and InvalidValueError for what concerns all of them, and MalformedBodyError for an empty
-    body and for what is no JSON.
+    Raises InvalidInputError and InvalidValueError for what concerns all of them.
     """
-    document = _object_in(body)
+    if not isinstance(document, dict):
+        raise InvalidInputError(fault("body", document, "a JSON object"))
     strangers = [name for name in document if name not in _BODY_FIELDS]
     if strangers:
         allowed = "one of " + ", ".join(_BODY_FIELDS)
         raise InvalidInputError(*(unknown_field(name, document[name], allowed) for name in strangers[:20]))
-    sent = document.pop("scenarios", None)
+    sent = document.get("scenarios")
     if not isinstance(sent, list) or not 1 <= len(sent) <= MAX_SCENARIOS:
         said = f"{len(sent)} scenarios" if isinstance(sent, list) else sent
-        raise InvalidInputError(fault("scenarios", said, _ALLOWED["scenarios"]))
+        raise InvalidInputError(fault("scenarios", said, BATCH_WORDS["scenarios"]))
     try:
-        shared = PredictionBody.model_validate(document | _STAND_IN)
+        sent_shared = {name: document[name] for name in _SHARED if name in document}
+        shared = PredictionBody.model_validate(sent_shared | _STAND_IN)
     except ValidationError as error:
-        raise InvalidInputError(*_faults(error, _ALLOWED)) from error
+        raise InvalidInputError(*_faults(error, BATCH_WORDS)) from error
     times = shared.sampled()[1] if shared.times_s else None
     good, failures = _checked(sent)
     if times is not None:
@@ -159,35 +144,6 @@ def read_batch(body: bytes) -> BatchQuestion:
     return BatchQuestion(shared, scenarios, np.array(list(good), dtype=np.intp), failures, times)
 
 
-def _object_in(body: bytes) -> dict[str, Any]:
-    if not body:
-        raise MalformedBodyError("the body is empty; send a JSON object")
-    try:
-        document = orjson.loads(body)
-        # Each name has a colon after it. Where there are more colons than names, texts have some, or names repeat.
-        if body.count(b":") != _names_in(document):
-            json.loads(body, object_pairs_hook=_without_repeats)
-    except (RecursionError, ValueError) as error:
-        reason = "it is nested too deeply" if isinstance(error, RecursionError) else str(error)[:200]
-        raise MalformedBodyError(f"the body cannot be read: {reason}") from error
-    if not isinstance(document, dict):
-        raise InvalidInputError(fault("body", document, "a JSON object"))
-    return document
-
-
-def _names_in(node: object) -> int:
-    """How many names the two outer levels of objects have: enough for a body as it should be."""
-    if not isinstance(node, dict):
-        return 0
-    lists = (each for each in node.values() if isinstance(each, list))
-    return len(node) + sum(len(each) for inner in lists for each in inner if isinstance(each, dict))
-
-
-def _without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    require_unique(pairs, _ALLOWED)
-    return dict(pairs)
-
-
 def _checked(sent: list[Any]) -> tuple[dict[int, BatchScenario], dict[int, Exception]]:
     """The scenarios that can be, by their place, and what is wrong with the others."""
     try:
@@ -197,9 +153,7 @@ def _checked(sent: list[Any]) -> tuple[dict[int, BatchScenario], dict[int, Excep
         for each in error.errors(include_url=False):
             errors[int(each["loc"][0])].append(each)
     failures: dict[int, Exception] = {
-        at: InvalidInputError(
-            *(faults_of(some, _SCENARIO_ALLOWED) if isinstance(sent[at], dict) else [_none(sent[at])])
-        )
+        at: InvalidInputError(*(faults_of(some, _SCENARIO_WORDS) if isinstance(sent[at], dict) else [_none(sent[at])]))
         for at, some in errors.items()
     }
     left = [at for at in range(len(sent)) if at not in failures]

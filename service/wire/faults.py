@@ -119,7 +119,7 @@ def _fault_of(error: Mapping[str, Any], known: Mapping[str, str]) -> InputFault:
     whole = ".".join(path)
     value = error.get("input")
     if error["type"] == "extra_forbidden":
-        return unknown_field(whole, value, "one of " + ", ".join(known))
+        return unknown_field(whole, value, "one of " + ", ".join(known) if known else "none at all")
     field = path[0] if path and whole not in known and path[0] in known else whole or "body"
     allowed = _choices(error) or known.get(field, _other_allowed(error))
     if error["type"] == "missing" and field != "body":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -17,9 +16,9 @@ from service.physics.scenario import Array
 from service.settings import LIMITS
 from service.twin import Loaded, Outcome
 from service.twin.mobility import CONFIDENCE, MOST_VALUES, MobilityMap
-from service.wire.faults import InputFault, faults_of
 from service.wire.prediction import PredictionInputs, TableFormatQuery
 from service.wire.prediction_answer import ModelIdentity
+from service.wire.whole_numbers import PLAIN_INTEGER
 
 COLUMNS = ("torque_nm", "slope_deg", "outcome", "mean_speed_m_s", "slip_ratio", "inside_domain")
 LAST_COLUMN = "steepest_climb_slope_deg"
@@ -28,7 +27,8 @@ _Torque = Annotated[float, Field(ge=LIMITS.torque_nm[0], le=LIMITS.torque_nm[1])
 _Slope = Annotated[float, Field(ge=-LIMITS.slope_deg, le=LIMITS.slope_deg)]
 _Steps = Annotated[
     int,
-    Field(ge=2, le=MOST_VALUES, json_schema_extra={"x-allowed": f"a whole number from 2 to {MOST_VALUES}"}),
+    Field(ge=2, le=MOST_VALUES),
+    PLAIN_INTEGER,
 ]
 
 
@@ -92,11 +92,6 @@ def _axis(highest_name: str, lowest_name: str, lowest: float, highest: float, st
 ALLOWED = allowed_fields(MobilityQuery.model_json_schema())
 
 
-def mobility_faults(errors: Sequence[Mapping[str, Any]]) -> list[InputFault]:
-    """The faults in pydantic's list of errors, in the words of a map's fields."""
-    return faults_of(errors, ALLOWED)
-
-
 class MobilityAnswer(BaseModel):
     """Outcome, speed and slip over slope x torque. Each table has a row for each torque and a column for each slope."""
 
@@ -125,7 +120,7 @@ class MobilityAnswer(BaseModel):
     ]
 
 
-def document_of(loaded: Loaded, found: MobilityMap) -> dict[str, Any]:
+def map_as_json(loaded: Loaded, found: MobilityMap) -> dict[str, Any]:
     """The JSON answer: a `MobilityAnswer`."""
     return {
         "model": {"name": loaded.twin.name, "version": loaded.twin.version, "alias": loaded.alias},
@@ -143,7 +138,7 @@ def document_of(loaded: Loaded, found: MobilityMap) -> dict[str, Any]:
     }
 
 
-def table_of(found: MobilityMap) -> str:
+def map_as_csv(found: MobilityMap) -> str:
     """A line for each cell; empty where JSON has null. The steepest slope is that of the line's torque."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import time
 from enum import StrEnum
 from typing import Annotated
 
@@ -16,9 +16,10 @@ from service.errors import InvalidValueError
 from service.learning.band import HIGHEST_LEVEL, LOWEST_LEVEL, USUAL_LEVEL
 from service.physics.scenario import Array
 from service.settings import LIMITS
-from service.twin import Frame, Scenario, sample_times
+from service.twin import Count, Frame, Loaded, Scenario, sample_times, uncounted
 from service.twin.scenario import sample_count
-from service.wire.forms import Format, TableFormat
+from service.wire.forms import Format, Subject, TableFormat
+from service.wire.points import require_few_times, require_wide_step
 
 _REFERENCE = r"^[a-z0-9][a-z0-9-]{0,62}(@([a-z][a-z0-9-]{0,62}|[1-9][0-9]{0,8}))?$"
 
@@ -243,18 +244,24 @@ ALLOWED = allowed_fields(PredictionQuery.model_json_schema())
 
 
 def require_few_points(asked: PredictionInputs, max_points: int) -> None:
-    """Raises InvalidValueError, with the steps that this horizon allows, for more than `max_points` points."""
-    if asked.points <= max_points:
-        return
+    """Raises InvalidValueError for more than `max_points` points."""
     if asked.times_s:
-        raise InvalidValueError("times_s", f"{asked.points} times", f"at most {max_points} times")
-    finest = smallest_step_s(asked.horizon_s, max_points)
-    allowed = f"{finest:g} to {LIMITS.dt_s[1]:g} for a horizon_s of {asked.horizon_s:g} (at most {max_points} points)"
-    raise InvalidValueError("dt_s", asked.dt_s, allowed)
+        require_few_times(len(asked.times_s), 1, max_points)
+    else:
+        require_wide_step(asked.horizon_s, asked.dt_s, 1, max_points)
 
 
-def smallest_step_s(horizon_s: float, max_points: int) -> float:
-    """The smallest step that keeps to `max_points`, rounded up to three significant digits so that it can be typed."""
-    exact = max(horizon_s / (max_points - 1), LIMITS.dt_s[0])
-    unit = 10.0 ** (math.floor(math.log10(exact)) - 2)
-    return float(f"{math.ceil(exact / unit * (1 - 1e-12)) * unit:.3g}")
+def predict(asked: PredictionInputs, loaded: Loaded, count: Count = uncounted) -> Subject:
+    """The prediction that was asked for.
+
+    Raises InvalidValueError for times or a band that cannot be had, NonFiniteError, and OutsideDomainError where a
+    strict client asks for a scenario outside the domain.
+    """
+    twin = loaded.twin
+    scenario, times = asked.sampled()
+    began = time.perf_counter()
+    found = twin.predict(scenario, times, asked.frame, asked.wanted_band_level, with_prior=asked.wants_prior)
+    count(twin, time.perf_counter() - began, (found.summary.outcome,), int(not found.domain.inside))
+    if asked.strict and not found.domain.inside:
+        raise twin.outside(found.domain)
+    return Subject(loaded, found)

@@ -9,11 +9,23 @@ from typing import Annotated, Any
 from pydantic import BaseModel, Field
 
 from model_store import Manifest
-from service.learning.suggest import SuggestedRun
+from service.learning.suggest import MOST_SUGGESTIONS, SuggestedRun
+from service.wire.prediction import TableFormatQuery
+from service.wire.whole_numbers import PLAIN_INTEGER
 
 COLUMNS = ("file", "set", "slope_deg", "mass_kg", "torque_nm", "horizon_s", "step_s")
 _SET = "suggested"
 _STEP_S = 0.001  # of the shipped runs over the whole space
+
+
+class SuggestedRunsQuery(TableFormatQuery):
+    """How many scenarios, and how they are written."""
+
+    n: Annotated[
+        int,
+        Field(ge=1, le=MOST_SUGGESTIONS, description="How many scenarios to suggest.", examples=[8]),
+        PLAIN_INTEGER,
+    ] = 8
 
 
 class VersionIdentity(BaseModel):
@@ -54,7 +66,7 @@ class SuggestedRunsAnswer(BaseModel):
     runs: list[SuggestedRunAnswer]
 
 
-def document_of(manifest: Manifest, runs: tuple[SuggestedRun, ...]) -> dict[str, Any]:
+def runs_as_json(manifest: Manifest, runs: tuple[SuggestedRun, ...]) -> dict[str, Any]:
     """The JSON answer: a `SuggestedRunsAnswer`."""
     return {
         "model": {"name": manifest.name, "version": manifest.version},
@@ -72,7 +84,7 @@ def document_of(manifest: Manifest, runs: tuple[SuggestedRun, ...]) -> dict[str,
     }
 
 
-def table_of(runs: tuple[SuggestedRun, ...]) -> str:
+def runs_as_csv(runs: tuple[SuggestedRun, ...]) -> str:
     """The `runs.csv` that a simulation script reads, and that an import finds beside the files it wrote."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")

@@ -71,6 +71,16 @@ def test_readiness_probes_are_requests_but_no_predictions(service):
     assert after.of("http_requests_total", **probes) - before.of("http_requests_total", **probes) == 3
 
 
+def test_the_cells_of_a_map_are_predictions(service):
+    before = scraped(service.client)
+    query = {"mass_kg": 430, "torque_min_nm": 30, "torque_max_nm": 90, "torque_steps": 2, "slope_steps": 3}
+    assert service.get("/v1/mobility", **query).status_code == 200
+    after = scraped(service.client)
+
+    assert after.of("predictions_total") - before.of("predictions_total") == 6
+    assert after.of("prediction_duration_seconds_count") - before.of("prediction_duration_seconds_count") == 1
+
+
 def test_routes_are_templates_and_nothing_of_a_request_is_told(service):
     for path in ("/v1/models/a-secret", "/a-secret/path", "/v1/predictions?slope_deg=a-secret", "/v1/admin/a-secret"):
         assert service.client.get(path, headers={"X-Request-ID": "a-secret"}).status_code in (401, 403, 404, 422)

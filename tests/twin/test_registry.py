@@ -4,7 +4,7 @@ import gc
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,8 +21,7 @@ from model_store import (
 )
 from service.errors import CheckpointError
 from service.learning.checkpoint import weights_bytes
-from service.twin import CountedTwin, Scenario, Twin, TwinRegistry, sample_times
-from service.twin.summary import Outcome
+from service.twin import Scenario, TwinRegistry, sample_times
 from tests.twin.published import draft, network_model, publish, publish_champion, zero_model
 
 REFRESH_S = 0.05
@@ -230,35 +229,13 @@ def test_to_find_a_resident_twin_is_to_use_it(store):
     assert registry.resident(f"unit@{third}") is None
 
 
-def test_a_twin_is_prepared_before_anybody_gets_it_and_its_warm_up_is_not_counted(store):
+def test_who_wants_to_know_of_loads_is_told_before_anybody_gets_the_twin(store):
     publish_champion(store)
-    asked, counted = [], []
-
-    def count(who: Twin, seconds: float, outcomes: Sequence[Outcome], outside: int) -> None:
-        counted.append((len(outcomes), who.version, seconds))
-
-    def prepare(twin: Twin) -> Twin:
-        found = registry.resident()
-        asked.append(found)
-        return CountedTwin.of(twin, count)
-
-    registry = TwinRegistry(store, "unit", prepare=prepare)
+    told = []
+    registry = TwinRegistry(store, "unit", loaded=lambda twin: told.append((twin, registry.resident())))
     twin = registry.get().twin
-    assert asked == [None]
-    assert counted == []
-    twin.predict(Scenario(20, 430, 60, 4), sample_times(4, 0.5))
-    assert [(size, version) for size, version, _ in counted] == [(1, 1)]
-    assert 0 < counted[0][2] < 10
-
-
-def test_a_counted_twin_answers_the_same(store):
-    publish_champion(store)
-    plain = TwinRegistry(store, "unit").get().twin
-    counted = CountedTwin.of(plain, lambda *_: None)
-    times = sample_times(4, 0.1)
-    one, other = (twin.predict(Scenario(20, 430, 60, 4), times) for twin in (plain, counted))
-    assert one.summary == other.summary
-    assert (one.trajectory["x_m"] == other.trajectory["x_m"]).all()
+    registry.get()
+    assert told == [(twin, None)]
 
 
 def test_an_unloaded_model_leaves_the_memory_and_comes_back_when_asked(store):

@@ -40,7 +40,7 @@ from service.api.http.exceptions import (
     UploadStalledError,
 )
 from service.api.http.negotiation import NotAcceptableError
-from service.api.http.openapi import document_of
+from service.api.http.openapi import openapi_of
 from service.api.http.problems import PROBLEM_MEDIA_TYPE, PROBLEMS, Slug
 from service.api.http.worker_threads import OverloadedError
 from service.datasets.findings import Finding
@@ -171,7 +171,7 @@ def own_path(scope: Scope) -> str:
 def _methods_of(request: Request) -> str:
     """All methods of the address; the router itself names those of one route only."""
     path = getattr(request.scope.get("route"), "path", "")
-    methods = document_of(request.app)["paths"].get(path, {"get": {}})
+    methods = openapi_of(request.app)["paths"].get(path, {"get": {}})
     return ", ".join(sorted(method.upper() for method in methods))
 
 
@@ -207,11 +207,11 @@ def problem(told: Told, path: str) -> Response:
     """An RFC 9457 answer. `error` repeats the detail for clients of the Open Inference Protocol."""
     instance = {"instance": quote(path[:200], safe="/:@!$&'()*+,;=~-._"), "error": told.detail}
     kind = PROBLEMS[told.slug]
-    content = orjson.dumps({**document(told), **instance, **told.members})
+    content = orjson.dumps({**problem_members(told), **instance, **told.members})
     return Response(content, kind.status, dict(told.headers), PROBLEM_MEDIA_TYPE)
 
 
-def document(told: Told) -> dict[str, Any]:
+def problem_members(told: Told) -> dict[str, Any]:
     """A problem without what only a whole answer has."""
     kind = PROBLEMS[told.slug]
     return {"type": kind.type, "title": kind.title, "status": kind.status, "detail": told.detail}

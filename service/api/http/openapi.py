@@ -52,7 +52,7 @@ def _example(kind: ProblemKind) -> dict[str, Any]:
     return document
 
 
-def document_of(app: FastAPI) -> dict[str, Any]:
+def openapi_of(app: FastAPI) -> dict[str, Any]:
     """The whole document; computed once per app."""
     if app.openapi_schema is None:
         document = get_openapi(

@@ -1,6 +1,6 @@
 """Where the work of a request is done: on worker threads, so that the event loop always answers.
 
-Predictions and store reads have lines of their own: a store that hangs must not keep loaded models from answering.
+Predictions and store reads have threads of their own: a store that hangs must not keep loaded models from answering.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class OverloadedError(RoverTwinError):
     retry_after_s = RETRY_AFTER_S
 
 
-class Line:
+class WorkerThreads:
     """At most `threads` calls run at once, at most `max_waiting` wait. Make it inside a running event loop."""
 
     def __init__(self, what: str, threads: int, max_waiting: int) -> None:

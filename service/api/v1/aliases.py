@@ -10,18 +10,17 @@ import re
 from datetime import datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Body, Depends, Header, Request, Response
+from fastapi import APIRouter, Body, Header, Response
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from model_store import AliasNotFoundError, AliasRecord, ConflictError, CorruptArtefactError, ModelStore, layout
-from service.allowed import allowed_values
-from service.api.admin import ADMIN_PROBLEMS, Admin, admin_route
+from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute
 from service.api.http.exceptions import PreconditionFailedError, PreconditionRequiredError
-from service.api.http.json_body import require_json_object
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
-from service.api.services import Parts
+from service.api.http.reading import Route
+from service.api.services import TheServices
 from service.api.v1.models import MODEL_PROBLEMS, Alias, Name, require_name
 from service.wire.faults import InvalidInputError, fault
 
@@ -82,17 +81,6 @@ class AliasRollback(BaseModel):
     reason: Reason = ""
 
 
-ALLOWED = {
-    **{name: allowed_values(schema) for name, schema in AliasMove.model_json_schema()["properties"].items()},
-    "reason": "text of 1 to 4000 characters",
-}
-ROLLBACK_ALLOWED = {"reason": "text of at most 4000 characters"}
-
-
-async def _one_move(request: Request) -> None:
-    await require_json_object(request, ALLOWED)
-
-
 IfMatch = Annotated[
     str | SkipJsonSchema[None],
     Header(
@@ -105,50 +93,42 @@ IfNoneMatch = Annotated[
     Header(description="`*`: only if there is no such alias yet.", json_schema_extra={"enum": [ANY]}),
 ]
 
-reading = APIRouter(prefix="/v1/models", tags=["models"], responses=problem_responses(*MODEL_PROBLEMS))
-moving = APIRouter(
-    prefix="/v1/models",
-    tags=["models"],
-    responses=problem_responses(*MODEL_PROBLEMS),
-    route_class=admin_route(ALLOWED),
+reading = APIRouter(
+    prefix="/v1/models", tags=["models"], responses=problem_responses(*MODEL_PROBLEMS), route_class=Route
 )
-going_back = APIRouter(
-    prefix="/v1/models",
-    tags=["models"],
-    responses=problem_responses(*MODEL_PROBLEMS),
-    route_class=admin_route(ROLLBACK_ALLOWED),
+moving = APIRouter(
+    prefix="/v1/models", tags=["models"], responses=problem_responses(*MODEL_PROBLEMS), route_class=AdminRoute
 )
 
 
 @reading.get("/{name}/aliases", summary="The aliases of a model", responses=_NO_MODEL)
-async def list_aliases(name: Name, parts: Parts) -> AliasesAnswer:
+async def list_aliases(name: Name, services: TheServices) -> AliasesAnswer:
     """Where each alias points now."""
     require_name(name)
-    records = await parts.storage.run(lambda: parts.store.aliases(name))
+    records = await services.storage.run(lambda: services.store.aliases(name))
     return AliasesAnswer(aliases={alias: _answer(record) for alias, record in records.items()})
 
 
 @reading.get("/{name}/aliases/{alias}", summary="One alias", responses=_NO_ALIAS | {200: {"headers": _ETAG}})
-async def get_alias(name: Name, alias: Alias, parts: Parts, response: Response) -> AliasAnswer:
+async def get_alias(name: Name, alias: Alias, services: TheServices, response: Response) -> AliasAnswer:
     """Where the alias points now; `ETag` is what a move wants as `If-Match`."""
     require_name(name, alias)
-    record = await parts.storage.run(lambda: parts.store.alias(name, alias))
+    record = await services.storage.run(lambda: services.store.alias(name, alias))
     response.headers["ETag"] = etag_of(record.seq)
     return _answer(record)
 
 
 @reading.get("/{name}/aliases/{alias}/history", summary="The history of an alias", responses=_NO_ALIAS)
-async def get_alias_history(name: Name, alias: Alias, parts: Parts) -> AliasHistoryAnswer:
+async def get_alias_history(name: Name, alias: Alias, services: TheServices) -> AliasHistoryAnswer:
     """Every move of the alias, newest first."""
     require_name(name, alias)
-    records = await parts.storage.run(lambda: parts.store.alias_history(name, alias))
+    records = await services.storage.run(lambda: services.store.alias_history(name, alias))
     return AliasHistoryAnswer(history=[_answer(record) for record in reversed(records)])
 
 
 @moving.put(
     "/{name}/aliases/{alias}",
     summary="Move an alias",
-    dependencies=[Depends(_one_move)],
     responses=problem_responses(*_WRITE_PROBLEMS, Slug.PRECONDITION_REQUIRED)
     | {
         200: {"headers": _ETAG, "description": "It was there and moved."},
@@ -160,7 +140,7 @@ async def put_alias(
     alias: Alias,
     asked: Annotated[AliasMove, Body()],
     actor: Admin,
-    parts: Parts,
+    services: TheServices,
     response: Response,
     if_match: IfMatch = None,
     if_none_match: IfNoneMatch = None,
@@ -174,28 +154,22 @@ async def put_alias(
     if not layout.is_alias(alias):
         raise InvalidInputError(fault("alias", alias, "a-z, 0-9 and '-', starting with a letter, at most 63"))
     condition = _Condition(name, alias, if_match, if_none_match)
-    moved = await parts.storage.run(lambda: _move(parts.store, condition, asked, actor))
+    moved = await services.storage.run(lambda: _move(services.store, condition, asked, actor))
     response.headers["ETag"] = etag_of(moved.seq)
     response.status_code = 201 if moved.seq == 1 else 200
     return _answer(moved)
 
 
-async def _one_reason(request: Request) -> None:
-    if await request.body():
-        await require_json_object(request, ROLLBACK_ALLOWED)
-
-
-@going_back.post(
+@moving.post(
     "/{name}/aliases/{alias}/rollback",
     summary="Take the last move of an alias back",
-    dependencies=[Depends(_one_reason)],
     responses=problem_responses(*_WRITE_PROBLEMS, Slug.ALIAS_NOT_FOUND, Slug.CONFLICT) | {200: {"headers": _ETAG}},
 )
 async def roll_back(
     name: Name,
     alias: Alias,
     actor: Admin,
-    parts: Parts,
+    services: TheServices,
     response: Response,
     asked: Annotated[AliasRollback | SkipJsonSchema[None], Body()] = None,
     if_match: IfMatch = None,
@@ -207,7 +181,7 @@ async def roll_back(
     require_name(name, alias)
     condition = _Condition(name, alias, if_match, None)
     reason = (asked or AliasRollback()).reason
-    back = await parts.storage.run(lambda: _roll_back(parts.store, condition, actor, reason))
+    back = await services.storage.run(lambda: _roll_back(services.store, condition, actor, reason))
     response.headers["ETag"] = etag_of(back.seq)
     return _answer(back)
 

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
+import time
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 from starlette.responses import StreamingResponse
 
 from service.api.http.delivery import Delivery
-from service.api.http.errors import document, told
-from service.api.http.json_body import require_json_type
-from service.api.http.negotiation import choose_batch_format
+from service.api.http.errors import problem_members, told
+from service.api.http.negotiation import choose
 from service.api.http.openapi import inlined_schema, problem_responses
 from service.api.http.problems import Slug
-from service.api.services import Parts
+from service.api.http.reading import Route, parsed, require_json
+from service.api.services import TheServices
 from service.physics.scenario import Array
-from service.twin import Loaded, OutsideDomainError
+from service.twin import Count, Loaded
 from service.twin.batch import Index, PredictionBatch, predict_finite
-from service.wire.batch import MAX_SCENARIOS, BatchBody, BatchQuestion, read_batch
+from service.wire.batch import BATCH_WORDS, MAX_SCENARIOS, BatchBody, BatchQuestion, read_batch
 from service.wire.batch_answer import BatchAnswer
-from service.wire.batch_forms import BATCH_ENCODERS, BatchFormat, BatchSubject
-from service.wire.faults import require_unique
+from service.wire.batch_forms import BATCH_ENCODERS, BATCH_MEDIA_TYPES, BatchFormat, BatchSubject
 from service.wire.prediction import Include
 
 PATH = "/v1/predictions/batch"
@@ -83,11 +83,7 @@ class BatchFormatQuery(BaseModel):
     ] = None
 
 
-async def _no_repeated_query(request: Request) -> None:
-    require_unique(request.query_params.multi_items(), {"format": "one of " + ", ".join(BatchFormat)})
-
-
-router = APIRouter(prefix=PATH, tags=["predictions"], dependencies=[Depends(_no_repeated_query)], responses=_RESPONSES)
+router = APIRouter(prefix=PATH, tags=["predictions"], responses=_RESPONSES, route_class=Route)
 
 
 @router.post(
@@ -99,14 +95,14 @@ router = APIRouter(prefix=PATH, tags=["predictions"], dependencies=[Depends(_no_
         "requestBody": {"required": True, "content": {"application/json": {"schema": inlined_schema(BatchBody)}}}
     },
 )
-async def post_batch(form: Annotated[BatchFormatQuery, Query()], request: Request, parts: Parts) -> Response:
+async def post_batch(form: Annotated[BatchFormatQuery, Query()], request: Request, services: TheServices) -> Response:
     """Where many rovers go, at the same step or at the same times. A scenario that is refused stops no other one."""
-    wanted = choose_batch_format(form.format, request.headers.get("accept"))
-    require_json_type(request)
+    wanted = choose(BATCH_MEDIA_TYPES, form.format, request.headers.get("accept"))
+    require_json(request)
     body = await request.body()
-    question, times = await parts.predictions.run(lambda: _read(body, parts.settings.max_points))
-    loaded = await parts.twin(question.shared.model)
-    subject = await parts.predictions.run(lambda: predicted(question, times, loaded))
+    question, times = await services.predictions.run(lambda: _read(body, services.settings.max_points))
+    loaded = await services.twin(question.shared.model)
+    subject = await services.predictions.run(lambda: predicted(question, times, loaded, services.instruments.predicted))
     encoder = BATCH_ENCODERS[wanted]
     if encoder.encode is None:
         # never compressed: a line must reach the client when it is written
@@ -114,15 +110,15 @@ async def post_batch(form: Annotated[BatchFormatQuery, Query()], request: Reques
         headers = {**subject.headers(), "Vary": "Accept"}
         return StreamingResponse(stream, headers=headers, media_type=encoder.media_type)
     encode, delivery = encoder.encode, Delivery.of(request, encoder.media_type, text=encoder.text)
-    return await parts.predictions.run(lambda: delivery.response(encode(subject), subject.headers()))
+    return await services.predictions.run(lambda: delivery.response(encode(subject), subject.headers()))
 
 
 def _read(body: bytes, max_points: int) -> tuple[BatchQuestion, Array]:
-    question = read_batch(body)
+    question = read_batch(parsed(body, BATCH_WORDS))
     return question, question.grid(max_points)
 
 
-def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded) -> BatchSubject:
+def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded, count: Count) -> BatchSubject:
     """What can be answered, and what is wrong with the rest. `time_s` is the question's grid.
 
     Raises InvalidValueError for a band that cannot be had.
@@ -132,17 +128,20 @@ def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded) -> BatchSu
     def predict(rows: Index) -> PredictionBatch:
         times = time_s if time_s.ndim == 1 else time_s[rows]
         scenarios = [question.scenarios[row] for row in rows.tolist()]
-        return twin.predict_many(
+        began = time.perf_counter()
+        found = twin.predict_many(
             scenarios, times, shared.frame, shared.wanted_band_level, with_prior=shared.wants_prior
         )
+        outside = len(found) - int(found.domain.inside.sum())
+        count(twin, time.perf_counter() - began, found.summaries.outcome, outside)
+        return found
 
     batch, rows, unanswered = predict_finite(predict, np.arange(len(question.scenarios)))
     failures: dict[int, Exception] = dict(question.failures)
     failures |= {int(question.indices[row]): error for row, error in unanswered.items()}
     if shared.strict and batch is not None and not batch.domain.inside.all():
         for row in np.flatnonzero(~batch.domain.inside).tolist():
-            error = OutsideDomainError(f"{twin.name}@{twin.version}", batch.domain[row])
-            failures[int(question.indices[rows[row]])] = error
+            failures[int(question.indices[rows[row]])] = twin.outside(batch.domain[row])
         inside = np.flatnonzero(batch.domain.inside)
         batch, rows = batch.only(inside) if len(inside) else None, rows[inside]
     return BatchSubject(
@@ -159,4 +158,4 @@ def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded) -> BatchSu
 def _problem(index: int, error: Exception) -> dict[str, Any]:
     """The problem that the single route would answer, without what only a whole answer has."""
     described = told(error, PATH)
-    return {"index": index, **document(described), **described.members}
+    return {"index": index, **problem_members(described), **described.members}

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.responses import StreamingResponse
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from model_store import (
@@ -24,14 +24,14 @@ from model_store import (
     UnsupportedFormatError,
     layout,
 )
-from service.allowed import allowed_values
-from service.api.admin import ADMIN_PROBLEMS, Admin, admin_route, require_admin
+from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute, require_admin
 from service.api.http.exceptions import DatasetInUseError
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
+from service.api.http.reading import query_pairs
 from service.api.http.upload_body import receive_upload, upload_folder
 from service.api.http.worker_threads import OverloadedError
-from service.api.services import Parts, Services
+from service.api.services import Services, TheServices
 from service.api.v1.dataset_answers import (
     ADDRESS,
     DatasetAnswer,
@@ -41,7 +41,6 @@ from service.api.v1.dataset_answers import (
     UploadAnswer,
     entry_of,
 )
-from service.api.v1.upload_fields import ALLOWED as UPLOAD_ALLOWED
 from service.api.v1.upload_fields import OPENAPI, asked_for
 from service.errors import JobError
 from service.jobs.import_process import import_in_process
@@ -49,19 +48,12 @@ from service.jobs.preview_process import preview_in_process
 from service.training.stored_dataset import PASSPORT_FILE, RUNS_FILE, UploadResult
 from service.wire.datasets import DatasetUsers, report_document
 from service.wire.faults import InputFault, InvalidInputError, fault
+from service.wire.whole_numbers import PLAIN_INTEGER
 
 MOST_LISTED = 200
-_COUNTS = frozenset(str(count) for count in range(1, MOST_LISTED + 1))
 PARQUET = "application/vnd.apache.parquet"
 _MOST_WAITING = 8
 _MEDIA_TYPES = {"svg": "image/svg+xml", "png": "image/png"}
-
-
-def _plain_integer(value: object) -> object:
-    """A count is written in one way only: 8, not 08, +8 or 8.0."""
-    if isinstance(value, str) and value not in _COUNTS:
-        raise ValueError(f"a whole number from 1 to {MOST_LISTED}")
-    return value
 
 
 class DatasetsQuery(BaseModel):
@@ -71,12 +63,17 @@ class DatasetsQuery(BaseModel):
 
     limit: Annotated[
         int,
-        BeforeValidator(_plain_integer),
         Field(ge=1, le=MOST_LISTED, description="How many datasets at most.", examples=[50]),
+        PLAIN_INTEGER,
     ] = 50
     after: Annotated[
         str | SkipJsonSchema[None],
-        Field(pattern="^[0-9a-f]{64}$", description="Id that the page begins after.", examples=["0" * 64]),
+        Field(
+            pattern="^[0-9a-f]{64}$",
+            description="Id that the page begins after.",
+            examples=["0" * 64],
+            json_schema_extra={"x-allowed": "the id of a dataset: 64 hexadecimal digits"},
+        ),
     ] = None
 
 
@@ -88,13 +85,6 @@ class PreviewQuery(BaseModel):
     format: Annotated[Literal["svg", "png"], Field(description="Form of the figure.")] = "svg"
 
 
-ALLOWED = UPLOAD_ALLOWED | {
-    name: allowed_values(schema)
-    for query in (DatasetsQuery, PreviewQuery)
-    for name, schema in query.model_json_schema()["properties"].items()
-}
-ALLOWED["after"] = "the id of a dataset: 64 hexadecimal digits"
-
 _STORE_PROBLEMS = (Slug.ARTEFACT_CORRUPT, Slug.UNSUPPORTED_FORMAT, Slug.STORE_UNAVAILABLE, Slug.OVERLOADED)
 _NO_DATASET = problem_responses(Slug.INVALID_INPUT, Slug.DATASET_NOT_FOUND)
 
@@ -103,7 +93,7 @@ router = APIRouter(
     tags=["datasets"],
     dependencies=[Depends(require_admin)],
     responses=problem_responses(*ADMIN_PROBLEMS, *_STORE_PROBLEMS),
-    route_class=admin_route(ALLOWED),
+    route_class=AdminRoute,
 )
 
 Reference = Annotated[
@@ -134,20 +124,20 @@ Reference = Annotated[
     },
     openapi_extra=OPENAPI,
 )
-async def post_dataset(request: Request, response: Response, actor: Admin, parts: Parts) -> UploadAnswer:
+async def post_dataset(request: Request, response: Response, actor: Admin, services: TheServices) -> UploadAnswer:
     """Chrono runs as a zip or tar with `runs.csv` and `passport.json`, one long CSV, Parquet, or one plain file with
     its scenario in the form; any of them gzipped. As `multipart/form-data` with a part `file`, or as the raw body.
 
     The id is the digest of the content, so the same upload again answers 200 with the same id. `report` says of every
     run whether it was accepted and, if not, why: file, line, column and reason.
     """
-    query = request.query_params.multi_items()
+    query = query_pairs(request)
     asked = asked_for(query)
-    with upload_folder(parts.uploads) as folder:
+    with upload_folder(services.uploads) as folder:
         upload = await receive_upload(request, folder, asked.filename)
         asked = asked_for([*query, *upload.fields])
         result = await import_in_process(
-            parts.settings.store_url,
+            services.settings.store_url,
             upload.path,
             filename=upload.filename,
             form=asked.form(),
@@ -177,15 +167,15 @@ def _upload_answer(result: UploadResult, *, dry_run: bool) -> UploadAnswer:
 
 
 @router.get("", summary="All datasets")
-async def list_datasets(asked: Annotated[DatasetsQuery, Query()], parts: Parts) -> DatasetsAnswer:
+async def list_datasets(asked: Annotated[DatasetsQuery, Query()], services: TheServices) -> DatasetsAnswer:
     """One page of the datasets, in the order of their ids; `next` is the address of the page after it."""
-    return await parts.storage.run(lambda: _page(parts.store, asked))
+    return await services.storage.run(lambda: _page(services.store, asked))
 
 
 @router.get("/{dataset}", summary="One dataset", responses=_NO_DATASET)
-async def get_dataset(reference: Reference, parts: Parts) -> DatasetAnswer:
+async def get_dataset(reference: Reference, services: TheServices) -> DatasetAnswer:
     """Passport, ranges and statistics of a dataset, and who uses it."""
-    return await parts.storage.run(lambda: _described(parts, reference))
+    return await services.storage.run(lambda: _described(services, reference))
 
 
 @router.get(
@@ -201,13 +191,13 @@ async def get_dataset(reference: Reference, parts: Parts) -> DatasetAnswer:
         }
     },
 )
-async def get_preview(reference: Reference, asked: Annotated[PreviewQuery, Query()], parts: Parts) -> Response:
+async def get_preview(reference: Reference, asked: Annotated[PreviewQuery, Query()], services: TheServices) -> Response:
     """The runs of a dataset at a glance."""
-    record = await parts.storage.run(lambda: _found(parts.store, reference))
-    if parts.figures.statistics().tasks_waiting >= _MOST_WAITING:
+    record = await services.storage.run(lambda: _found(services.store, reference))
+    if services.figures.statistics().tasks_waiting >= _MOST_WAITING:
         raise OverloadedError(f"{_MOST_WAITING} figures are waiting already")
-    async with parts.figures:
-        figure = await preview_in_process(parts.settings.store_url, record.id, asked.format)
+    async with services.figures:
+        figure = await preview_in_process(services.settings.store_url, record.id, asked.format)
     # an id is the digest of what it shows: the figure never changes
     return Response(figure, media_type=_MEDIA_TYPES[asked.format], headers={"Cache-Control": "private, max-age=86400"})
 
@@ -229,9 +219,9 @@ async def get_preview(reference: Reference, asked: Annotated[PreviewQuery, Query
         }
     },
 )
-async def download_dataset(reference: Reference, parts: Parts) -> StreamingResponse:
+async def download_dataset(reference: Reference, services: TheServices) -> StreamingResponse:
     """The runs as they are stored. A file that is damaged in the store never arrives whole: the connection is cut."""
-    size_bytes, headers, pieces = await parts.storage.run(lambda: _opened(parts.store, reference))
+    size_bytes, headers, pieces = await services.storage.run(lambda: _opened(services.store, reference))
     return StreamingResponse(pieces, headers=headers | {"Content-Length": str(size_bytes)}, media_type=PARQUET)
 
 
@@ -243,9 +233,9 @@ async def download_dataset(reference: Reference, parts: Parts) -> StreamingRespo
     response_model=None,
     responses=_NO_DATASET | problem_responses(Slug.DATASET_IN_USE),
 )
-async def delete_dataset(reference: Reference, parts: Parts) -> Response:
+async def delete_dataset(reference: Reference, services: TheServices) -> Response:
     """Refused while a published version or an unfinished training job names it. Wants the whole id."""
-    await parts.storage.run(lambda: _delete(parts, reference))
+    await services.storage.run(lambda: _delete(services, reference))
     return Response(status_code=204)
 
 
@@ -271,23 +261,23 @@ def _found(store: ModelStore, reference: str) -> DatasetRecord:
         raise InvalidInputError(InputFault("dataset", reference, "a whole id", str(error))) from error
 
 
-def _described(parts: Services, reference: str) -> DatasetAnswer:
-    record = _found(parts.store, reference)
+def _described(services: Services, reference: str) -> DatasetAnswer:
+    record = _found(services.store, reference)
     try:
-        jobs = _jobs_using(parts, record.id)
+        jobs = _jobs_using(services, record.id)
     except JobError:
         jobs = None
     return DatasetAnswer(
         **entry_of(record).model_dump(),
-        passport=json.loads(parts.store.read_dataset_file(record.id, PASSPORT_FILE)),
+        passport=json.loads(services.store.read_dataset_file(record.id, PASSPORT_FILE)),
         source=record.source,
         files=record.files,
-        used_by=DatasetUsers(versions=parts.store.datasets_in_use().get(record.id, []), jobs=jobs),
+        used_by=DatasetUsers(versions=services.store.datasets_in_use().get(record.id, []), jobs=jobs),
     )
 
 
-def _jobs_using(parts: Services, identity: str) -> list[str]:
-    return [] if parts.jobs is None else list(parts.jobs.active_datasets().get(identity, ()))
+def _jobs_using(services: Services, identity: str) -> list[str]:
+    return [] if services.jobs is None else list(services.jobs.active_datasets().get(identity, ()))
 
 
 def _opened(store: ModelStore, reference: str) -> tuple[int, dict[str, str], Iterator[bytes]]:
@@ -306,13 +296,13 @@ def _opened(store: ModelStore, reference: str) -> tuple[int, dict[str, str], Ite
     return entry.size_bytes, headers, all_pieces()
 
 
-def _delete(parts: Services, identity: str) -> None:
+def _delete(services: Services, identity: str) -> None:
     if not layout.is_dataset_id(identity):
-        record = _found(parts.store, identity)
+        record = _found(services.store, identity)
         raise InvalidInputError(fault("dataset", identity, f"the whole id, {record.id}"))
     # by the id alone: also a damaged dataset, or what a killed deletion left, can be deleted
-    versions = parts.store.datasets_in_use().get(identity, [])
-    jobs = _jobs_using(parts, identity)
+    versions = services.store.datasets_in_use().get(identity, [])
+    jobs = _jobs_using(services, identity)
     if versions or jobs:
         raise DatasetInUseError(identity, versions, jobs)
-    parts.store.delete_dataset(identity)
+    services.store.delete_dataset(identity)

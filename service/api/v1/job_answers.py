@@ -8,20 +8,10 @@ from urllib.parse import urlencode
 
 from pydantic import BaseModel
 
-from service.allowed import allowed_fields
 from service.jobs.job import ENDED, JobEvent, TrainingJob
-from service.jobs.request import TrainingJobRequest
 from service.wire.faults import printable
 
 ADDRESS = "/v1/admin/training-jobs"
-
-REQUEST_ALLOWED = allowed_fields(TrainingJobRequest.model_json_schema()) | {
-    "model": "a-z, 0-9 and -, starting with a letter or digit, at most 63 characters",
-    "datasets": "a list of 1 to 64 datasets: ids, unique starts of ids (6 digits or more), or names",
-    "description": "text of at most 1000 characters",
-    "inputs": "a list of time_s first, then any of slope_deg, mass_kg, torque_nm and torque_ratio, each once",
-}
-"""What each field of a request accepts, in words; fields of fields have dotted names."""
 
 EXAMPLE = {
     "model": "viper-lunar",

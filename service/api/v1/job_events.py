@@ -37,7 +37,7 @@ def new_events(queue: JobQueue, job_id: str, after: int | None) -> Sequence[JobE
 
 
 async def follow(
-    parts: Services, queue: JobQueue, job_id: str, news: Sequence[JobEvent], after: int | None
+    services: Services, queue: JobQueue, job_id: str, news: Sequence[JobEvent], after: int | None
 ) -> AsyncIterator[ServerSentEvent]:
     """`news`, then what comes, until the job's last event, the end of the server, or an hour.
 
@@ -49,18 +49,18 @@ async def follow(
         for event in news:
             after = event.number
             yield server_sent_event(event.number, event.kind, _data_of(event))
-        if (news and is_last(news[-1])) or parts.lifecycle.ending or time.monotonic() > ends_at:
+        if (news and is_last(news[-1])) or services.lifecycle.ending or time.monotonic() > ends_at:
             return
         await anyio.sleep(POLL_S)
         try:
-            news = await _look(parts, queue, job_id, after)
+            news = await _look(services, queue, job_id, after)
         except (JobError, OverloadedError) as error:
             _log.warning("a stream of events ended early", job=job_id, reason=str(error))
             return
 
 
-async def _look(parts: Services, queue: JobQueue, job_id: str, after: int | None) -> Sequence[JobEvent]:
-    return await parts.job_calls.run(lambda: queue.events(job_id, after=after))
+async def _look(services: Services, queue: JobQueue, job_id: str, after: int | None) -> Sequence[JobEvent]:
+    return await services.job_calls.run(lambda: queue.events(job_id, after=after))
 
 
 def _data_of(event: JobEvent) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Request, Response
-from pydantic import BaseModel, BeforeValidator
+from pydantic import BaseModel
 
 from model_store import (
     AliasNotFoundError,
@@ -20,8 +20,10 @@ from model_store.references import DEFAULT_ALIAS
 from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
-from service.api.services import Parts
+from service.api.http.reading import Route
+from service.api.services import TheServices
 from service.wire.forms.numbers import dump
+from service.wire.whole_numbers import PLAIN_INTEGER
 
 
 class ModelEntry(BaseModel):
@@ -54,38 +56,32 @@ router = APIRouter(
     prefix="/v1/models",
     tags=["models"],
     responses=problem_responses(*MODEL_PROBLEMS),
+    route_class=Route,
 )
 
 _NO_MODEL = problem_responses(Slug.MODEL_NOT_FOUND)
-
-
-def _plain_integer(value: object) -> object:
-    """Versions are written in one way only: 3, not 03, +3 or 3.0."""
-    if isinstance(value, str) and layout.version_number(value) is None:
-        raise ValueError(f"a whole number from 1 to {layout.MAX_VERSION}")
-    return value
 
 
 Name = Annotated[str, Path(description="Name of a model.", examples=["viper-lunar"])]
 Alias = Annotated[str, Path(description="Name of an alias.", examples=[DEFAULT_ALIAS])]
 Version = Annotated[
     int,
-    BeforeValidator(_plain_integer),
     Path(ge=1, le=layout.MAX_VERSION, description="Number of a version.", examples=[1]),
+    PLAIN_INTEGER,
 ]
 
 
 @router.get("", summary="All models")
-async def list_models(parts: Parts) -> ModelsAnswer:
+async def list_models(services: TheServices) -> ModelsAnswer:
     """Every model with its versions and aliases."""
-    return await parts.storage.run(lambda: _all_models(parts.store))
+    return await services.storage.run(lambda: _all_models(services.store))
 
 
 @router.get("/{name}", summary="One model", responses=_NO_MODEL)
-async def get_model(name: Name, parts: Parts) -> ModelAnswer:
+async def get_model(name: Name, services: TheServices) -> ModelAnswer:
     """A model with its versions, aliases and description."""
     require_name(name)
-    return await parts.storage.run(lambda: _described(parts.store, name))
+    return await services.storage.run(lambda: _described(services.store, name))
 
 
 @router.get(
@@ -97,10 +93,10 @@ async def get_model(name: Name, parts: Parts) -> ModelAnswer:
     | NOT_MODIFIED
     | {200: {"model": Manifest, "description": "The manifest as it was published.", "headers": CACHE_HEADERS}},
 )
-async def get_version(name: Name, version: Version, request: Request, parts: Parts) -> Response:
+async def get_version(name: Name, version: Version, request: Request, services: TheServices) -> Response:
     """What the version is, where it holds, how good it is and what it was made from."""
     require_name(name)
-    return await parts.storage.run(lambda: _manifest(parts.store, name, version, request))
+    return await services.storage.run(lambda: _manifest(services.store, name, version, request))
 
 
 def require_name(name: str, alias: str | None = None) -> None:

@@ -8,27 +8,24 @@ from fastapi import APIRouter, Body, Query, Request, Response
 
 from service.api.http.compression import Coding
 from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
-from service.api.http.json_body import read_object
-from service.api.http.lanes import express_route
-from service.api.http.negotiation import choose_format
+from service.api.http.lanes import LaneRoute
+from service.api.http.negotiation import choose
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
-from service.api.http.query import read_query, validated
-from service.api.services import Parts, Services
-from service.twin import Loaded, OutsideDomainError
-from service.wire.forms import ENCODERS, Format, Subject
+from service.api.services import Services, TheServices
+from service.twin import Loaded
+from service.wire.forms import ENCODERS, MEDIA_TYPES, Format
 from service.wire.prediction import (
-    ALLOWED,
     FormatQuery,
     PredictionBody,
     PredictionInputs,
     PredictionQuery,
+    predict,
     require_few_points,
 )
 from service.wire.prediction_answer import PredictionAnswer
 
 _COMPRESSED_AT_ONCE = 250  # points: 10 kB of text take gzip a third of a millisecond
-_MAY_REPEAT = frozenset({"include", "times_s"})
 _MEANINGS = {
     Format.NPZ: "NumPy archive: a float64 array for each column, and `metadata`, JSON text.",
     Format.ARROW: "Arrow IPC stream: one record batch, a float64 column each; the schema's metadata is JSON text.",
@@ -77,39 +74,35 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
 }
 
 
-async def _read_get(request: Request) -> dict[str, Any]:
-    return {"asked": read_query(request, PredictionQuery, ALLOWED, _MAY_REPEAT)}
-
-
-async def _read_post(request: Request) -> dict[str, Any]:
-    form = read_query(request, FormatQuery, ALLOWED)
-    return {"asked": validated(PredictionBody, await read_object(request, ALLOWED), "body"), "form": form}
-
-
-async def get_prediction(asked: Annotated[PredictionQuery, Query()], request: Request, parts: Parts) -> Response:
+async def get_prediction(
+    asked: Annotated[PredictionQuery, Query()], request: Request, services: TheServices
+) -> Response:
     """Where the rover goes on this slope with this mass and torque, and whether the model knows such scenarios."""
-    form = choose_format(asked.format, request.headers.get("accept"), Format)
-    return await _predict(asked, form, request, parts)
+    form = choose(MEDIA_TYPES, asked.format, request.headers.get("accept"))
+    return await _predict(asked, form, request, services)
 
 
 async def post_prediction(
-    asked: Annotated[PredictionBody, Body()], form: Annotated[FormatQuery, Query()], request: Request, parts: Parts
+    asked: Annotated[PredictionBody, Body()],
+    form: Annotated[FormatQuery, Query()],
+    request: Request,
+    services: TheServices,
 ) -> Response:
     """The same as the GET, with the fields as one JSON object; `format` stays in the address."""
-    return await _predict(asked, choose_format(form.format, request.headers.get("accept"), Format), request, parts)
+    return await _predict(asked, choose(MEDIA_TYPES, form.format, request.headers.get("accept")), request, services)
 
 
-async def _predict(asked: PredictionInputs, form: Format, request: Request, parts: Services) -> Response:
-    require_few_points(asked, parts.settings.max_points)
-    loaded = await parts.twin(asked.model)
+async def _predict(asked: PredictionInputs, form: Format, request: Request, services: Services) -> Response:
+    require_few_points(asked, services.settings.max_points)
+    loaded = await services.twin(asked.model)
     delivery = Delivery.of(request, ENCODERS[form].media_type, text=ENCODERS[form].text)
     if request.method == "GET":
         delivery = delivery.cacheable(request, loaded, asked.model, asked.question())
         if nothing_new := delivery.not_modified():
             return nothing_new
     if loaded.twin.model.quick and asked.points <= _points_at_once(form, delivery):
-        return _computed(asked, form, loaded, delivery)
-    return await parts.predictions.run(lambda: _computed(asked, form, loaded, delivery))
+        return _computed(asked, form, loaded, delivery, services)
+    return await services.predictions.run(lambda: _computed(asked, form, loaded, delivery, services))
 
 
 def _points_at_once(form: Format, delivery: Delivery) -> int:
@@ -118,15 +111,11 @@ def _points_at_once(form: Format, delivery: Delivery) -> int:
     return most if delivery.coding is Coding.IDENTITY else min(most, _COMPRESSED_AT_ONCE)
 
 
-def _computed(asked: PredictionInputs, form: Format, loaded: Loaded, delivery: Delivery) -> Response:
+def _computed(
+    asked: PredictionInputs, form: Format, loaded: Loaded, delivery: Delivery, services: Services
+) -> Response:
     """Everything that takes time, up to the bytes of the answer; on a worker thread if it may take long."""
-    scenario, times = asked.sampled()
-    prediction = loaded.twin.predict(
-        scenario, times, asked.frame, asked.wanted_band_level, with_prior=asked.wants_prior
-    )
-    if asked.strict and not prediction.domain.inside:
-        raise OutsideDomainError(f"{loaded.twin.name}@{loaded.twin.version}", prediction.domain)
-    subject = Subject(loaded, prediction)
+    subject = predict(asked, loaded, services.instruments.predicted)
     encoder = ENCODERS[form]
     return delivery.response(encoder.encode(subject), encoder.headers(subject))
 
@@ -140,7 +129,7 @@ router.add_api_route(
     response_class=Response,
     response_model=None,
     responses=NOT_MODIFIED | {200: {**_RESPONSES[200], "headers": {**_RESPONSES[200]["headers"], **CACHE_HEADERS}}},
-    route_class_override=express_route(_read_get),
+    route_class_override=LaneRoute,
 )
 router.add_api_route(
     "",
@@ -150,5 +139,5 @@ router.add_api_route(
     response_class=Response,
     response_model=None,
     responses=problem_responses(Slug.MALFORMED_BODY, Slug.UNSUPPORTED_MEDIA_TYPE),
-    route_class_override=express_route(_read_post),
+    route_class_override=LaneRoute,
 )

@@ -5,22 +5,19 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import BeforeValidator
-from pydantic.json_schema import SkipJsonSchema
 
-from model_store import Manifest, ModelNotFoundError, layout
-from service.api.http.negotiation import choose_format
+from model_store import Manifest
+from service.api.http.negotiation import choose
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
-from service.api.services import Parts
-from service.api.v1.models import Name, Version
-from service.learning.suggest import MOST_SUGGESTIONS
+from service.api.http.reading import Route
+from service.api.services import TheServices
+from service.api.v1.models import Name, Version, require_name
 from service.twin.suggestions import suggestions
-from service.wire.forms import MEDIA_TYPES, TableFormat
+from service.wire.forms import TABLE_MEDIA_TYPES, TableFormat
 from service.wire.forms.numbers import dump
-from service.wire.suggested_runs import COLUMNS, SuggestedRunsAnswer, document_of, table_of
+from service.wire.suggested_runs import COLUMNS, SuggestedRunsAnswer, SuggestedRunsQuery, runs_as_csv, runs_as_json
 
-_COUNTS = frozenset(str(count) for count in range(1, MOST_SUGGESTIONS + 1))
 _RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
         "model": SuggestedRunsAnswer,
@@ -49,40 +46,31 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
 }
 
 
-def _plain_integer(value: object) -> object:
-    """A count is written in one way only: 8, not 08, +8 or 8.0."""
-    if isinstance(value, str) and value not in _COUNTS:
-        raise ValueError(f"a whole number from 1 to {MOST_SUGGESTIONS}")
-    return value
-
-
-Count = Annotated[
-    int,
-    BeforeValidator(_plain_integer),
-    Query(ge=1, le=MOST_SUGGESTIONS, description="How many scenarios to suggest.", examples=[8]),
-]
-FormatChoice = Annotated[
-    TableFormat | SkipJsonSchema[None],
-    Query(alias="format", description="Form of the answer; it wins over the `Accept` header. Without both, JSON."),
-]
-
-router = APIRouter(prefix="/v1/models/{name}/versions/{version}/suggested-runs", tags=["models"], responses=_RESPONSES)
+router = APIRouter(
+    prefix="/v1/models/{name}/versions/{version}/suggested-runs",
+    tags=["models"],
+    responses=_RESPONSES,
+    route_class=Route,
+)
 
 
 @router.get("", summary="What to simulate next", response_class=Response, response_model=None)
 async def get_suggested_runs(
-    name: Name, version: Version, request: Request, parts: Parts, n: Count = 8, asked: FormatChoice = None
+    name: Name,
+    version: Version,
+    asked: Annotated[SuggestedRunsQuery, Query()],
+    request: Request,
+    services: TheServices,
 ) -> Response:
     """The scenarios whose simulation would lower this version's expected error the most, chosen as a batch."""
-    if not layout.is_name(name):
-        raise ModelNotFoundError(f"no model '{name[:100]}': names have a-z, 0-9 and '-', at most 63 characters")
-    form = choose_format(asked, request.headers.get("accept"), TableFormat)
-    manifest = await parts.storage.run(lambda: parts.store.manifest(name, version))
-    return await parts.predictions.run(lambda: _computed(manifest, n, form))
+    require_name(name)
+    form = choose(TABLE_MEDIA_TYPES, asked.format, request.headers.get("accept"))
+    manifest = await services.manifest(name, version)
+    return await services.predictions.run(lambda: _computed(manifest, asked.n, form))
 
 
 def _computed(manifest: Manifest, count: int, form: TableFormat) -> Response:
     runs = suggestions(manifest, count)
-    body = dump(document_of(manifest, runs)) if form is TableFormat.JSON else table_of(runs).encode()
+    body = dump(runs_as_json(manifest, runs)) if form is TableFormat.JSON else runs_as_csv(runs).encode()
     headers = {"Vary": "Accept", "Rover-Twin-Model": f"{manifest.name}@{manifest.version}"}
-    return Response(body, headers=headers, media_type=MEDIA_TYPES[form])
+    return Response(body, headers=headers, media_type=TABLE_MEDIA_TYPES[form])

@@ -5,25 +5,22 @@ from __future__ import annotations
 import re
 from typing import Annotated
 
-import mimeparse
-from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
+from fastapi import APIRouter, Body, Depends, Header, Path, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from model_store import DatasetNotFoundError, InvalidReferenceError, ModelStore
-from service.allowed import allowed_fields
-from service.api.admin import ADMIN_PROBLEMS, Admin, admin_route
+from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute
 from service.api.http.event_stream import EventStream
-from service.api.http.json_body import read_json
-from service.api.http.negotiation import NotAcceptableError
+from service.api.http.negotiation import choose
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
-from service.api.services import Parts
+from service.api.http.reading import words_of
+from service.api.services import TheServices
 from service.api.v1.idempotency import idempotency_key
 from service.api.v1.job_answers import (
     ADDRESS,
     EXAMPLE,
-    REQUEST_ALLOWED,
     STREAM_EXAMPLE,
     JobAnswer,
     JobLogAnswer,
@@ -39,17 +36,20 @@ from service.jobs.job import JobState, TrainingJob
 from service.jobs.queue import JobQueue
 from service.jobs.request import TrainingJobRequest, check_request
 from service.wire.faults import InputFault, InvalidInputError
+from service.wire.whole_numbers import PLAIN_INTEGER
 
 LAST_EVENT_ID = "Last-Event-ID"
 _LOOK_AGAIN_S = 2
+_LOG_FORMS = {"text": "text/plain", "json": "application/json"}
 _EXAMPLE_ID = "0f0e3b5c-6b43-4d0f-a5a5-3a7d3f0b8a10"
 _HIGHEST_EVENT = 999_999_999
 _JOB_ID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 
-_Limit = Annotated[int, Field(ge=1, le=500, description="At most this many on a page.", examples=[50])]
+_Limit = Annotated[int, Field(ge=1, le=500, description="At most this many on a page.", examples=[50]), PLAIN_INTEGER]
 _After = Annotated[
     int | SkipJsonSchema[None],
     Field(ge=0, le=_HIGHEST_EVENT, description="Only what came after the event of this number.", examples=[17]),
+    PLAIN_INTEGER,
 ]
 
 
@@ -63,12 +63,21 @@ class JobsQuery(_Query):
     state: Annotated[JobState | SkipJsonSchema[None], Field(description="Only jobs in this state.")] = None
     model: Annotated[
         str | SkipJsonSchema[None],
-        Field(max_length=63, description="Only jobs for this model.", examples=["viper-lunar"]),
+        Field(
+            max_length=63,
+            description="Only jobs for this model.",
+            examples=["viper-lunar"],
+            json_schema_extra={"x-allowed": "the name of a model"},
+        ),
     ] = None
     limit: _Limit = 50
     before: Annotated[
         str | SkipJsonSchema[None],
-        Field(max_length=36, description="Only jobs older than the one with this id; `next` of a page has it."),
+        Field(
+            max_length=36,
+            description="Only jobs older than the one with this id; `next` of a page has it.",
+            json_schema_extra={"x-allowed": "the id of a training job"},
+        ),
     ] = None
 
 
@@ -85,26 +94,21 @@ class EventsQuery(_Query):
     after: _After = None
 
 
-_QUERY_ALLOWED = {
-    name: words
-    for query in (EventsQuery, LogQuery, JobsQuery)
-    for name, words in allowed_fields(query.model_json_schema()).items()
-} | {"model": "the name of a model", "before": "the id of a training job"}
 _JOB = problem_responses(Slug.JOB_NOT_FOUND)
 _LAST_EVENT_DESCRIPTION = "The last `id` that came: the stream goes on after it. It wins over `after`."
 
 router = APIRouter(
     prefix=ADDRESS,
     tags=["training jobs"],
-    route_class=admin_route(_QUERY_ALLOWED),
+    route_class=AdminRoute,
     responses=problem_responses(*ADMIN_PROBLEMS, Slug.JOBS_UNAVAILABLE, Slug.OVERLOADED),
 )
 
 
-def _queue_of(parts: Parts) -> JobQueue:
-    if parts.jobs is None:
+def _queue_of(services: TheServices) -> JobQueue:
+    if services.jobs is None:
         raise JobsUnavailableError("this service was started without training jobs")
-    return parts.jobs
+    return services.jobs
 
 
 Queue = Annotated[JobQueue, Depends(_queue_of)]
@@ -140,42 +144,34 @@ JobId = Annotated[str, Depends(_known_id)]
             *(Slug.STORE_UNAVAILABLE, Slug.JOBS_UNAVAILABLE, Slug.OVERLOADED),
         ),
     },
-    openapi_extra={
-        "requestBody": {
-            "required": True,
-            "content": {
-                "application/json": {
-                    "schema": {"$ref": "#/components/schemas/TrainingJobRequest"},
-                    "example": EXAMPLE,
-                }
-            },
-        }
-    },
 )
 async def start_job(
-    request: Request,
+    asked: Annotated[TrainingJobRequest, Body(openapi_examples={"usual": {"value": EXAMPLE}})],
     response: Response,
     actor: Admin,
     key: Annotated[str | None, Depends(idempotency_key)],
     queue: Queue,
-    parts: Parts,
+    services: TheServices,
 ) -> JobAnswer:
     """Train a new version of a model on stored datasets. What cannot work is refused now, not by a failing job."""
-    asked = await read_json(request, TrainingJobRequest, REQUEST_ALLOWED)
-    job = await _known(parts, queue, key, asked) or await _queued(parts, queue, asked, actor, key)
+    job = await _known(services, queue, key, asked) or await _queued(services, queue, asked, actor, key)
     response.headers["Location"] = f"{ADDRESS}/{job.id}"
     response.headers["Retry-After"] = str(_LOOK_AGAIN_S)
     return answer_of(job)
 
 
-async def _known(parts: Parts, queue: JobQueue, key: str | None, asked: TrainingJobRequest) -> TrainingJob | None:
+async def _known(
+    services: TheServices, queue: JobQueue, key: str | None, asked: TrainingJobRequest
+) -> TrainingJob | None:
     """What this request has started before; its datasets may be gone since, so it is not checked again."""
-    return None if key is None else await parts.job_calls.run(lambda: queue.find(key, asked))
+    return None if key is None else await services.job_calls.run(lambda: queue.find(key, asked))
 
 
-async def _queued(parts: Parts, queue: JobQueue, asked: TrainingJobRequest, actor: str, key: str | None) -> TrainingJob:
-    checked = await parts.storage.run(lambda: _checked(parts.store, asked))
-    job, _ = await parts.job_calls.run(lambda: queue.submit(checked, actor=actor, key=key, asked=asked))
+async def _queued(
+    services: TheServices, queue: JobQueue, asked: TrainingJobRequest, actor: str, key: str | None
+) -> TrainingJob:
+    checked = await services.storage.run(lambda: _checked(services.store, asked))
+    job, _ = await services.job_calls.run(lambda: queue.submit(checked, actor=actor, key=key, asked=asked))
     return job
 
 
@@ -185,13 +181,14 @@ def _checked(store: ModelStore, asked: TrainingJobRequest) -> TrainingJobRequest
         return check_request(store, asked)
     except (DatasetNotFoundError, InvalidReferenceError) as error:
         names = ", ".join(asked.datasets)
-        raise InvalidInputError(InputFault("datasets", names, REQUEST_ALLOWED["datasets"], str(error))) from error
+        words = words_of(TrainingJobRequest)["datasets"]
+        raise InvalidInputError(InputFault("datasets", names, words, str(error))) from error
 
 
 @router.get("", summary="All training jobs")
-async def list_jobs(asked: Annotated[JobsQuery, Query()], _: Admin, queue: Queue, parts: Parts) -> JobsAnswer:
+async def list_jobs(asked: Annotated[JobsQuery, Query()], _: Admin, queue: Queue, services: TheServices) -> JobsAnswer:
     """The jobs, newest first, a page at a time."""
-    jobs = await parts.job_calls.run(lambda: _listed(queue, asked))
+    jobs = await services.job_calls.run(lambda: _listed(queue, asked))
     chosen = {"state": asked.state, "model": asked.model}
     return page_of(jobs, asked.limit, {name: value for name, value in chosen.items() if value is not None})
 
@@ -201,13 +198,13 @@ def _listed(queue: JobQueue, asked: JobsQuery) -> list[TrainingJob]:
     try:
         return queue.list(state=asked.state, model=asked.model, limit=asked.limit + 1, before=asked.before)
     except JobNotFoundError as error:
-        raise InvalidValueError("before", asked.before, _QUERY_ALLOWED["before"]) from error
+        raise InvalidValueError("before", asked.before, words_of(JobsQuery)["before"]) from error
 
 
 @router.get("/{job_id}", summary="One training job", responses=_JOB)
-async def get_job(job_id: JobId, _: Admin, queue: Queue, parts: Parts) -> JobAnswer:
+async def get_job(job_id: JobId, _: Admin, queue: Queue, services: TheServices) -> JobAnswer:
     """Where the job stands, and what came out of it."""
-    return answer_of(await parts.job_calls.run(lambda: queue.get(job_id)))
+    return answer_of(await services.job_calls.run(lambda: queue.get(job_id)))
 
 
 @router.post(
@@ -216,9 +213,9 @@ async def get_job(job_id: JobId, _: Admin, queue: Queue, parts: Parts) -> JobAns
     summary="Cancel a training job",
     responses=problem_responses(Slug.JOB_NOT_FOUND, Slug.JOB_ENDED),
 )
-async def cancel_job(job_id: JobId, _: Admin, queue: Queue, parts: Parts) -> JobAnswer:
+async def cancel_job(job_id: JobId, _: Admin, queue: Queue, services: TheServices) -> JobAnswer:
     """Stop a job that waits or runs; a running one stops within seconds and publishes nothing."""
-    return answer_of(await parts.job_calls.run(lambda: queue.cancel(job_id)))
+    return answer_of(await services.job_calls.run(lambda: queue.cancel(job_id)))
 
 
 @router.get(
@@ -239,28 +236,15 @@ async def cancel_job(job_id: JobId, _: Admin, queue: Queue, parts: Parts) -> Job
     },
 )
 async def get_log(
-    job_id: JobId, asked: Annotated[LogQuery, Query()], request: Request, _: Admin, queue: Queue, parts: Parts
+    job_id: JobId, asked: Annotated[LogQuery, Query()], request: Request, _: Admin, queue: Queue, services: TheServices
 ) -> Response:
     """What the job has said so far."""
-    as_json = _prefers_json(request.headers.get("accept"))
-    lines, goes_on_after = await parts.job_calls.run(lambda: read_log(queue, job_id, asked.after, asked.limit))
+    form = choose(_LOG_FORMS, None, request.headers.get("accept"))
+    lines, goes_on_after = await services.job_calls.run(lambda: read_log(queue, job_id, asked.after, asked.limit))
     answer = log_of(job_id, lines, goes_on_after, asked.limit)
     headers = {"Vary": "Accept"} | ({"Link": f'<{answer.next}>; rel="next"'} if answer.next else {})
-    if as_json:
-        return Response(answer.model_dump_json(), headers=headers, media_type="application/json")
-    return Response(text_of(lines), headers=headers, media_type="text/plain")
-
-
-def _prefers_json(accept: str | None) -> bool:
-    """Raises NotAcceptableError when neither text nor JSON will do."""
-    offered = ["application/json", "text/plain"]  # of equal wishes the last one wins
-    try:
-        best = mimeparse.best_match(offered, (accept or "").strip().lower() or "*/*")
-    except mimeparse.MimeTypeParseException:
-        best = ""
-    if not best:
-        raise NotAcceptableError(f"Accept is '{(accept or '')[:100]}', available are {', '.join(offered)}")
-    return str(best) == offered[0]
+    content = answer.model_dump_json() if form == "json" else text_of(lines)
+    return Response(content, headers=headers, media_type=_LOG_FORMS[form])
 
 
 @router.get(
@@ -284,15 +268,15 @@ async def get_events(
     asked: Annotated[EventsQuery, Query()],
     _: Admin,
     queue: Queue,
-    parts: Parts,
+    services: TheServices,
     last_event_id: Annotated[str | None, Header(alias=LAST_EVENT_ID, description=_LAST_EVENT_DESCRIPTION)] = None,
 ) -> Response:
     """Follow a job while it runs, from its beginning or from where a connection was lost."""
     after = asked.after if last_event_id is None else _event_number(last_event_id)
-    news = await parts.job_calls.run(lambda: new_events(queue, job_id, after))
+    news = await services.job_calls.run(lambda: new_events(queue, job_id, after))
     if news is None:
         return Response(status_code=204)
-    return EventStream(follow(parts, queue, job_id, news, after), parts.listeners)
+    return EventStream(follow(services, queue, job_id, news, after), services.listeners)
 
 
 def _event_number(text: str) -> int:

@@ -6,13 +6,12 @@ import json
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from pydantic import Field, StringConstraints, ValidationError
+from pydantic import Field, StringConstraints
 
-from service.allowed import allowed_values
+from service.api.http.reading import validated, words_of
 from service.api.http.upload_body import FILE_PART, MAX_NAME_CHARACTERS
-from service.datasets import PRESETS
 from service.datasets.uploads.upload_form import UploadForm
-from service.wire.faults import InvalidInputError, fault, faults_of, require_unique
+from service.wire.faults import InvalidInputError, fault, require_unique
 
 _AS_JSON = ("passport", "column_map")
 
@@ -31,30 +30,16 @@ class UploadFields(UploadForm):
 
 
 _PROPERTIES: dict[str, dict[str, Any]] = UploadFields.model_json_schema()["properties"]
-ALLOWED = {name: allowed_values(schema) for name, schema in _PROPERTIES.items()} | {
-    "name": "1 to 63 of A-Z a-z 0-9 . _ -, starting with a letter or digit",
-    "description": "text of at most 4000 characters",
-    "set_name": "text of 1 to 200 characters",
-    "filename": f"text of 1 to {MAX_NAME_CHARACTERS} characters",
-    "passport": "a JSON object",
-    "column_map": f"one of {', '.join(PRESETS)}, or a JSON object of column name to header or 0-based index",
-}
 
 
 def asked_for(pairs: Sequence[tuple[str, str]]) -> UploadFields:
     """The fields as one model. Raises InvalidInputError with every fault."""
-    require_unique(pairs, ALLOWED)
+    require_unique(pairs, words_of(UploadFields))
     given: dict[str, object] = dict(pairs)
     for name in _AS_JSON:
         if isinstance(text := given.get(name), str) and (name == "passport" or text.lstrip().startswith("{")):
             given[name] = _object(name, text)
-    try:
-        return UploadFields.model_validate(given)
-    except ValidationError as error:
-        faults = error.errors(include_url=False)
-        raise InvalidInputError(
-            *faults_of([{**each, "loc": ("form", *each["loc"])} for each in faults], ALLOWED)
-        ) from error
+    return validated(UploadFields, given, "form")
 
 
 def _object(name: str, text: str) -> dict[str, Any]:
@@ -63,7 +48,7 @@ def _object(name: str, text: str) -> dict[str, Any]:
     except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict):
-        raise InvalidInputError(fault(name, text, ALLOWED[name]))
+        raise InvalidInputError(fault(name, text, words_of(UploadFields)[name]))
     return found
 
 
@@ -76,7 +61,7 @@ def _plain(name: str, schema: dict[str, Any]) -> dict[str, Any]:
     if name in _AS_JSON:
         return {"type": "string"}
     (chosen,) = [each for each in schema.get("anyOf", [schema]) if each.get("type") != "null"]
-    return {key: value for key, value in chosen.items() if key not in ("title", "description")}
+    return {key: value for key, value in chosen.items() if key not in ("title", "description", "x-allowed")}
 
 
 def _schemas() -> dict[str, dict[str, Any]]:

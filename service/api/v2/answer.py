@@ -11,11 +11,11 @@ from typing import Any
 from fastapi import Response
 from pydantic import BaseModel, Field
 
-from service.api.v2.question import Question, question_of
+from service.api.http.statistics import Statistics
+from service.api.v2.question import InferenceQuestion, question_of
 from service.api.v2.signature import Values
-from service.api.v2.statistics import Statistics
 from service.api.v2.wire import Parameters, request_of, response_of, split, unpacked
-from service.twin import Loaded, PredictionBatch
+from service.twin import Count, Loaded, PredictionBatch
 
 # What is answered in about half a millisecond: handing it to a thread would take longer.
 _SCENARIOS_AT_ONCE, _TEXT_AT_ONCE, _BINARY_AT_ONCE = 4, 4_000, 25_000
@@ -66,7 +66,7 @@ class Inference:
 
     loaded: Loaded
     request_id: str | None
-    question: Question
+    question: InferenceQuestion
     statistics: Statistics
     arrived_ns: int
     began_ns: int
@@ -93,7 +93,7 @@ def read(call: Call, loaded: Loaded, bounds: Bounds, statistics: Statistics) -> 
     return Inference(loaded, request.id, question, statistics, call.arrived_ns, began, time.perf_counter_ns())
 
 
-def answer(inference: Inference) -> Response:
+def answer(inference: Inference, count: Count) -> Response:
     """Answer a request and count it. Raises what predicting raises."""
     loaded, question = inference.loaded, inference.question
     started = time.perf_counter_ns()
@@ -106,6 +106,8 @@ def answer(inference: Inference) -> Response:
             with_prior=question.with_prior,
         )
         inferred = time.perf_counter_ns()
+        outside = len(batch) - int(batch.domain.inside.sum())
+        count(loaded.twin, (inferred - started) / 1e9, batch.summaries.outcome, outside)
         response = _response(inference.request_id, question, loaded, batch)
     parts_ns = {
         "queue": inference.began_ns - inference.arrived_ns + started - inference.read_ns,
@@ -127,7 +129,7 @@ def _counting(loaded: Loaded, arrived_ns: int, statistics: Statistics) -> Iterat
         raise
 
 
-def _response(request_id: str | None, question: Question, loaded: Loaded, batch: PredictionBatch) -> Response:
+def _response(request_id: str | None, question: InferenceQuestion, loaded: Loaded, batch: PredictionBatch) -> Response:
     parameters: dict[str, str | float] = {"frame": question.frame.value}
     if question.band_level is not None:
         parameters["band_level"] = question.band_level

@@ -23,12 +23,11 @@ from service.api.v2.wire import InferenceRequest, Parameters, RequestedInput
 from service.learning.band import HIGHEST_LEVEL, LOWEST_LEVEL, USUAL_LEVEL
 from service.physics.scenario import Array
 from service.settings import LIMITS
-from service.twin import Frame, Scenario, Twin, sample_grid
-from service.twin.scenario import sample_count
+from service.twin import Frame, Scenario, Twin
 from service.wire.faults import InputFault, InvalidInputError, fault, unknown_field
-from service.wire.prediction import ALLOWED, smallest_step_s
+from service.wire.points import bounded_grid, require_few_times
+from service.wire.prediction import ALLOWED
 
-POINTS_FACTOR = 10  # a batch may have that many times the points of one trajectory
 _OWN_PARAMETERS = ("frame", "band_level", "dt_s", "binary_data_output")
 _IGNORED_PARAMETERS = frozenset({"priority", "timeout", "headers"})  # Triton's hints to a scheduler; here is none
 _IGNORED_PREFIX = "triton_"
@@ -45,7 +44,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Question:
+class InferenceQuestion:
     """What `Twin.predict_many` takes; `time_s` has shape (time,) or (scenario, time)."""
 
     scenarios: tuple[Scenario, ...]
@@ -60,7 +59,7 @@ class Question:
         return any(each.tensor.of_prior for each in self.outputs)
 
 
-def question_of(request: InferenceRequest, tail: memoryview, twin: Twin, max_points: int) -> Question:
+def question_of(request: InferenceRequest, tail: memoryview, twin: Twin, max_points: int) -> InferenceQuestion:
     """Read a request; `tail` is the binary part of its body, `max_points` bounds one trajectory.
 
     Raises InvalidInputError with the tensor, the value and what is allowed, and UnsupportedError.
@@ -72,7 +71,7 @@ def question_of(request: InferenceRequest, tail: memoryview, twin: Twin, max_poi
     level = _number(request.parameters, "band_level", (LOWEST_LEVEL, HIGHEST_LEVEL))
     outputs = _outputs(request, frame, twin)
     with_band = any(each.tensor.of_band for each in outputs)
-    return Question(scenarios, time_s, frame, (level or USUAL_LEVEL) if with_band else None, outputs)
+    return InferenceQuestion(scenarios, time_s, frame, (level or USUAL_LEVEL) if with_band else None, outputs)
 
 
 def _require_known(parameters: Parameters) -> None:
@@ -203,7 +202,7 @@ def _scenarios(columns: Mapping[str, Array], dt_s: float | None, max_points: int
         horizon_s = columns.get("horizon_s", np.array([DEFAULT_HORIZON_S]))
         _require_shape("horizon_s", horizon_s, [1, count], f"[1] or [{count}], as that of {required[0]}")
         horizons = np.broadcast_to(horizon_s, count).tolist()
-        time_s = _grid(horizons, dt_s or DEFAULT_STEP_S, max_points)
+        time_s = bounded_grid(horizons, dt_s or DEFAULT_STEP_S, max_points)
     rows = zip(*(columns[name].tolist() for name in required), horizons, strict=True)
     return tuple(Scenario(*row) for row in rows), time_s
 
@@ -224,10 +223,7 @@ def _times(columns: Mapping[str, Array], dt_s: float | None, count: int, max_poi
     if "horizon_s" in columns or dt_s is not None:
         beside = "horizon_s" if "horizon_s" in columns else "dt_s"
         raise InvalidInputError(fault(beside, "sent beside time_s", "either time_s or horizon_s and dt_s"))
-    most = _most_points(count, max_points)
-    if len(time_s) > most:
-        allowed = f"[1] to [{most}] for {count} scenarios"
-        raise InvalidInputError(fault("time_s.shape", f"[{len(time_s)}]", allowed))
+    require_few_times(len(time_s), count, max_points)
     falling = np.diff(time_s) <= 0
     if falling.any():
         at = int(falling.argmax()) + 1
@@ -235,21 +231,6 @@ def _times(columns: Mapping[str, Array], dt_s: float | None, count: int, max_poi
     if time_s[-1] < LIMITS.horizon_s[0]:
         raise InvalidInputError(fault(f"time_s[{len(time_s) - 1}]", float(time_s[-1]), ALLOWED["horizon_s"]))
     return time_s
-
-
-def _grid(horizons: Sequence[float], dt_s: float, max_points: int) -> Array:
-    longest = max(horizons)
-    most = _most_points(len(horizons), max_points)
-    if sample_count(longest, dt_s) > most:
-        finest = f"{smallest_step_s(longest, most):g} to {LIMITS.dt_s[1]:g}"
-        limit = f"at most {most} points for each of {len(horizons)} scenarios"
-        raise InvalidInputError(fault("dt_s", dt_s, f"{finest} for a horizon_s of {longest:g} ({limit})"))
-    return sample_grid(horizons, dt_s)
-
-
-def _most_points(count: int, max_points: int) -> int:
-    """Of each of so many trajectories."""
-    return max(2, min(max_points, POINTS_FACTOR * max_points // count))
 
 
 def _outputs(request: InferenceRequest, frame: Frame, twin: Twin) -> tuple[Wanted, ...]:

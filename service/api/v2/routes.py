@@ -5,15 +5,16 @@ from __future__ import annotations
 import time
 from typing import Annotated, Any, TypeVar
 
-from fastapi import APIRouter, Depends, FastAPI, Path, Request, Response
-from pydantic import BaseModel, Field, ValidationError
+from fastapi import APIRouter, Path, Request, Response
+from pydantic import BaseModel, Field
 
 import service
 from service.api import health
 from service.api.http.exceptions import NotReadyError
-from service.api.http.lanes import express_route
+from service.api.http.lanes import LaneRoute
 from service.api.http.openapi import inlined_schema
-from service.api.services import Parts, Services
+from service.api.http.reading import Route, parsed, validated
+from service.api.services import Services, TheServices
 from service.api.v2.answer import Bounds, Call, InferenceAnswer, answer, read
 from service.api.v2.failures import PREFIX, failure_responses
 from service.api.v2.metadata import ModelMetadata, configuration_of, metadata_of
@@ -26,15 +27,13 @@ from service.api.v2.repository import (
     require_loadable,
     unload,
 )
-from service.api.v2.statistics import Statistics
-from service.api.v2.wire import HEADER_LENGTH, InferenceRequest, parsed
-from service.wire.faults import InvalidInputError, faults_of
+from service.api.v2.wire import HEADER_LENGTH, InferenceRequest
 
 EXTENSIONS = ("binary_tensor_data", "model_repository", "model_configuration", "parameters", "statistics")
 _READ_AT_ONCE = 4096  # bytes of a body that the event loop itself may read
 Body = TypeVar("Body", bound=BaseModel)
 
-router = APIRouter(prefix=PREFIX, tags=["inference protocol"], responses=failure_responses())
+router = APIRouter(prefix=PREFIX, tags=["inference protocol"], responses=failure_responses(), route_class=Route)
 _OF_MODEL = failure_responses(404, 503)
 
 Name = Annotated[str, Path(description="Name of a model.", examples=["viper-lunar"])]
@@ -82,20 +81,6 @@ class ModelStatistics(BaseModel):
     model_stats: list[dict[str, Any]]
 
 
-def install(app: FastAPI) -> None:
-    """Add the protocol to the app."""
-    app.state.inference_statistics = Statistics()
-    app.include_router(router)
-
-
-async def _statistics_of(request: Request) -> Statistics:
-    counted: Statistics = request.app.state.inference_statistics
-    return counted
-
-
-Counted = Annotated[Statistics, Depends(_statistics_of)]
-
-
 @router.get("", summary="The server and its extensions")
 async def server_metadata() -> ServerMetadata:
     """Name, version and which extensions of the protocol there are."""
@@ -116,10 +101,10 @@ async def server_live() -> ServerLive:
     summary="Can the server predict?",
     responses={503: {"model": ServerReady, "description": "Not now; `error` says why."}},
 )
-async def server_ready(parts: Parts, response: Response) -> ServerReady:
+async def server_ready(services: TheServices, response: Response) -> ServerReady:
     """Makes a small prediction with the default model; other models are loaded when they are asked for."""
     try:
-        await health.ready(parts)
+        await health.ready(services)
     except NotReadyError as error:
         response.status_code = 503
         return ServerReady(live=True, ready=False, error=str(error))
@@ -127,69 +112,69 @@ async def server_ready(parts: Parts, response: Response) -> ServerReady:
 
 
 @router.get("/models", summary="Names of the models", responses=failure_responses(503))
-async def model_names(parts: Parts) -> ModelNames:
+async def model_names(services: TheServices) -> ModelNames:
     """As KServe lists them."""
-    return ModelNames(models=await parts.storage.run(parts.store.model_names))
+    return ModelNames(models=await services.storage.run(services.store.model_names))
 
 
 @router.get("/models/stats", summary="Statistics of all models")
-async def all_statistics(counted: Counted) -> ModelStatistics:
+async def all_statistics(services: TheServices) -> ModelStatistics:
     """Counts and times of all versions that were asked since this process started."""
-    return ModelStatistics(model_stats=counted.documents())
+    return ModelStatistics(model_stats=services.statistics.documents())
 
 
 @router.get("/models/{name}", summary="A model and its tensors", responses=_OF_MODEL)
-async def model_metadata(name: Name, parts: Parts) -> ModelMetadata:
+async def model_metadata(name: Name, services: TheServices) -> ModelMetadata:
     """Inputs and outputs with their units and ranges, of the version that answers now."""
-    return await _metadata(reference_of(name), parts)
+    return await _metadata(reference_of(name), services)
 
 
 @router.get("/models/{name}/versions/{version}", summary="A version and its tensors", responses=_OF_MODEL)
-async def version_metadata(name: Name, version: Version, parts: Parts) -> ModelMetadata:
+async def version_metadata(name: Name, version: Version, services: TheServices) -> ModelMetadata:
     """Inputs and outputs with their units and ranges."""
-    return await _metadata(reference_of(name, version), parts)
+    return await _metadata(reference_of(name, version), services)
 
 
 @router.get("/models/{name}/ready", summary="Can a model predict?", responses=_OF_MODEL)
-async def model_ready(name: Name, parts: Parts) -> ModelReady:
+async def model_ready(name: Name, services: TheServices) -> ModelReady:
     """Loads the model if it is not in memory."""
-    return await _ready(reference_of(name), parts)
+    return await _ready(reference_of(name), services)
 
 
 @router.get("/models/{name}/versions/{version}/ready", summary="Can a version predict?", responses=_OF_MODEL)
-async def version_ready(name: Name, version: Version, parts: Parts) -> ModelReady:
+async def version_ready(name: Name, version: Version, services: TheServices) -> ModelReady:
     """Loads the version if it is not in memory."""
-    return await _ready(reference_of(name, version), parts)
+    return await _ready(reference_of(name, version), services)
 
 
 @router.get("/models/{name}/config", summary="Triton's configuration of a model", responses=_OF_MODEL)
-async def model_configuration(name: Name, parts: Parts) -> dict[str, Any]:
+async def model_configuration(name: Name, services: TheServices) -> dict[str, Any]:
     """Made from the model's metadata."""
-    return await parts.storage.run(lambda: configuration_of(parts.store, reference_of(name)))
+    return await services.storage.run(lambda: configuration_of(services.store, reference_of(name)))
 
 
 @router.get(
     "/models/{name}/versions/{version}/config", summary="Triton's configuration of a version", responses=_OF_MODEL
 )
-async def version_configuration(name: Name, version: Version, parts: Parts) -> dict[str, Any]:
+async def version_configuration(name: Name, version: Version, services: TheServices) -> dict[str, Any]:
     """Made from the version's metadata."""
-    return await parts.storage.run(lambda: configuration_of(parts.store, reference_of(name, version)))
+    return await services.storage.run(lambda: configuration_of(services.store, reference_of(name, version)))
 
 
 @router.get("/models/{name}/stats", summary="Statistics of a model", responses=_OF_MODEL)
-async def model_statistics(name: Name, parts: Parts, counted: Counted) -> ModelStatistics:
+async def model_statistics(name: Name, services: TheServices) -> ModelStatistics:
     """Counts and times of its versions that were asked since this process started."""
     reference = reference_of(name)
-    await parts.storage.run(lambda: parts.store.versions(reference))
-    return ModelStatistics(model_stats=counted.documents(name))
+    await services.storage.run(lambda: services.store.versions(reference))
+    return ModelStatistics(model_stats=services.statistics.documents(name))
 
 
 @router.get("/models/{name}/versions/{version}/stats", summary="Statistics of a version", responses=_OF_MODEL)
-async def version_statistics(name: Name, version: Version, parts: Parts, counted: Counted) -> ModelStatistics:
+async def version_statistics(name: Name, version: Version, services: TheServices) -> ModelStatistics:
     """Counts and times since this process started."""
     reference = reference_of(name, version)
-    resolved = await parts.storage.run(lambda: parts.store.resolve(reference))
-    return ModelStatistics(model_stats=counted.documents(resolved.name, resolved.version))
+    resolved = await services.storage.run(lambda: services.store.resolve(reference))
+    return ModelStatistics(model_stats=services.statistics.documents(resolved.name, resolved.version))
 
 
 def _body(model: type[BaseModel], *, required: bool = False, example: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -222,28 +207,21 @@ _INFER: dict[str, Any] = {
 }
 
 
-async def model_infer(name: Name, request: Request, parts: Parts, counted: Counted) -> Response:
+async def model_infer(name: Name, request: Request, services: TheServices) -> Response:
     """Tensors of scenarios in, tensors of trajectories out; JSON or binary either way."""
-    return await _infer(reference_of(name), request, parts, counted)
+    return await _infer(reference_of(name), request, services)
 
 
-async def version_infer(name: Name, version: Version, request: Request, parts: Parts, counted: Counted) -> Response:
+async def version_infer(name: Name, version: Version, request: Request, services: TheServices) -> Response:
     """Tensors of scenarios in, tensors of trajectories out; JSON or binary either way."""
-    return await _infer(reference_of(name, version), request, parts, counted)
-
-
-async def _place(request: Request) -> dict[str, Any]:
-    """What stands in the address, and the counters."""
-    return {**request.path_params, "counted": await _statistics_of(request)}
+    return await _infer(reference_of(name, version), request, services)
 
 
 for _path, _endpoint, _summary in (
     ("/models/{name}/infer", model_infer, "Predict many scenarios"),
     ("/models/{name}/versions/{version}/infer", version_infer, "Predict many scenarios by a version"),
 ):
-    router.add_api_route(
-        _path, _endpoint, methods=["POST"], summary=_summary, route_class_override=express_route(_place), **_INFER
-    )
+    router.add_api_route(_path, _endpoint, methods=["POST"], summary=_summary, route_class_override=LaneRoute, **_INFER)
 
 
 @router.post(
@@ -252,10 +230,10 @@ for _path, _endpoint, _summary in (
     openapi_extra=_body(IndexRequest),
     responses=failure_responses(400, 413, 503),
 )
-async def repository_index(request: Request, parts: Parts) -> list[IndexEntry]:
+async def repository_index(request: Request, services: TheServices) -> list[IndexEntry]:
     """One entry for each published version."""
     asked = _read(IndexRequest, await request.body())
-    return await parts.storage.run(lambda: index_of(parts.store, parts.registry.status(), asked.ready))
+    return await services.storage.run(lambda: index_of(services.store, services.registry.status(), asked.ready))
 
 
 @router.post(
@@ -265,10 +243,10 @@ async def repository_index(request: Request, parts: Parts) -> list[IndexEntry]:
     response_class=Response,
     responses=failure_responses(400, 404, 413, 501, 503),
 )
-async def load_model(name: Name, request: Request, parts: Parts) -> Response:
+async def load_model(name: Name, request: Request, services: TheServices) -> Response:
     """Brings the version that the model's champion is into memory, ahead of the first request."""
     require_loadable(_read(RepositoryRequest, await request.body()).parameters)
-    await parts.twin(reference_of(name))
+    await services.twin(reference_of(name))
     return Response()
 
 
@@ -279,47 +257,41 @@ async def load_model(name: Name, request: Request, parts: Parts) -> Response:
     response_class=Response,
     responses=failure_responses(400, 404, 413, 501, 503),
 )
-async def unload_model(name: Name, request: Request, parts: Parts) -> Response:
+async def unload_model(name: Name, request: Request, services: TheServices) -> Response:
     """Drops all its versions from memory; a later request loads them again. The default model stays."""
     _read(RepositoryRequest, await request.body())
     reference = reference_of(name)
-    default = parts.settings.default_model
-    await parts.storage.run(lambda: unload(parts.registry, parts.store, reference, default))
+    default = services.settings.default_model
+    await services.storage.run(lambda: unload(services.registry, services.store, reference, default))
     return Response()
 
 
-async def _infer(reference: str, request: Request, parts: Services, counted: Statistics) -> Response:
+async def _infer(reference: str, request: Request, services: Services) -> Response:
     arrived_ns = time.perf_counter_ns()
-    loaded = await parts.twin(reference)
+    loaded = await services.twin(reference)
     encoding = request.headers.get("content-encoding", "").strip().lower()
     call = Call(await request.body(), request.headers.get(HEADER_LENGTH), encoding, arrived_ns)
-    bounds = Bounds(parts.settings.max_points, parts.settings.max_body_bytes)
+    bounds = Bounds(services.settings.max_points, services.settings.max_body_bytes)
     if len(call.body) <= _READ_AT_ONCE and not encoding:
-        inference = read(call, loaded, bounds, counted)
+        inference = read(call, loaded, bounds, services.statistics)
     else:
-        inference = await parts.predictions.run(lambda: read(call, loaded, bounds, counted))
+        inference = await services.predictions.run(lambda: read(call, loaded, bounds, services.statistics))
     if inference.quick:
-        return answer(inference)
-    return await parts.predictions.run(lambda: answer(inference))
+        return answer(inference, services.instruments.predicted)
+    return await services.predictions.run(lambda: answer(inference, services.instruments.predicted))
 
 
-async def _metadata(reference: str, parts: Services) -> ModelMetadata:
-    return await parts.storage.run(lambda: metadata_of(parts.store, reference))
+async def _metadata(reference: str, services: Services) -> ModelMetadata:
+    return await services.storage.run(lambda: metadata_of(services.store, reference))
 
 
-async def _ready(reference: str, parts: Services) -> ModelReady:
-    if parts.lifecycle.draining:
+async def _ready(reference: str, services: Services) -> ModelReady:
+    if services.lifecycle.draining:
         raise NotReadyError("the service is shutting down")
-    loaded = await parts.twin(reference)
+    loaded = await services.twin(reference)
     return ModelReady(name=loaded.twin.name, ready=True)
 
 
 def _read(model: type[Body], content: bytes) -> Body:
-    """A body that may be empty. Raises HTTPException and InvalidInputError."""
-    if not content:
-        return model()
-    try:
-        return model.model_validate(parsed(content))
-    except ValidationError as error:
-        found = [{**each, "loc": ("body", *each["loc"])} for each in error.errors(include_url=False)]
-        raise InvalidInputError(*faults_of(found, {})) from None
+    """A body that may be empty. Raises MalformedBodyError and InvalidInputError."""
+    return validated(model, parsed(content, {}), "body") if content else model()

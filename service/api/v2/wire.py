@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import zlib
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
-import orjson
 from fastapi import HTTPException, Response
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from service.api.http.exceptions import BodyTooLargeError, UnsupportedMediaTypeError
+from service.api.http.reading import parsed
 from service.api.v2.signature import Values
 from service.wire.faults import MAX_FAULTS, InputFault, InvalidInputError, fault
 from service.wire.forms.numbers import dump
@@ -110,24 +109,10 @@ def split(body: bytes, header_length: str | None) -> tuple[bytes, memoryview]:
     return body[:length], memoryview(body)[length:]
 
 
-def parsed(content: bytes) -> object:
-    """JSON as Python's objects; NaN and infinity too, so that they can be refused by their place.
-
-    Raises HTTPException for what is not JSON.
-    """
-    try:
-        return orjson.loads(content)
-    except orjson.JSONDecodeError as error:
-        try:
-            return json.loads(content)
-        except (ValueError, RecursionError):
-            raise HTTPException(400, f"it is no JSON: {error}") from None
-
-
 def request_of(content: bytes) -> InferenceRequest:
-    """The JSON part of a request. Raises HTTPException and InvalidInputError."""
+    """The JSON part of a request. Raises MalformedBodyError and InvalidInputError."""
     try:
-        return InferenceRequest.model_validate(parsed(content))
+        return InferenceRequest.model_validate(parsed(content, {}))
     except ValidationError as error:
         faults = {each.field: each for each in map(_fault, error.errors(include_url=False))}
         raise InvalidInputError(*list(faults.values())[:MAX_FAULTS]) from None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,22 +15,12 @@ from service.cli.failures import RefusedError, UsageError
 from service.cli.output import make_table
 from service.cli.threads import use_threads
 from service.settings import load_settings
-from service.twin import TwinRegistry
+from service.twin import OutsideDomainError, TwinRegistry
 from service.wire.faults import faults_of, summary_of
 from service.wire.forms import ENCODERS, Format, Subject
-from service.wire.prediction import ALLOWED, PredictionInputs, require_few_points
+from service.wire.prediction import ALLOWED, PredictionInputs, predict, require_few_points
 
 _SHOWN_ROWS = 11
-
-
-@dataclass(frozen=True, slots=True)
-class Question:
-    """The fields of a prediction as the user gave them, and the form of the answer: table, or the name of a
-    `Format`.
-    """
-
-    inputs: Mapping[str, Any]
-    form: str
 
 
 def is_text(form: str) -> bool:
@@ -39,17 +28,17 @@ def is_text(form: str) -> bool:
     return form == "table" or ENCODERS[Format(form)].text
 
 
-def answer(store: ModelStore, question: Question) -> bytes:
-    """The answer; text is UTF-8 and ends with a line feed.
+def answer(store: ModelStore, inputs: Mapping[str, Any], form: str) -> bytes:
+    """The answer to the fields of a prediction as the user gave them, as a table or a `Format`; text is UTF-8 and ends with a line feed.
 
-    Raises UsageError or InvalidValueError for inputs that the API would refuse too, RefusedError for a strict question
-    outside the domain, and what loading a twin raises.
+    Raises UsageError or InvalidValueError for inputs that the API would refuse too, RefusedError for a strict
+    question outside the domain, and what loading a twin raises.
     """
-    subject = _predict(store, _checked(question.inputs))
-    if question.form == "table":
+    subject = _predict(store, _checked(inputs))
+    if form == "table":
         return _table(subject).encode()
-    content = ENCODERS[Format(question.form)].encode(subject)
-    return content.rstrip(b"\n") + b"\n" if is_text(question.form) else content
+    content = ENCODERS[Format(form)].encode(subject)
+    return content.rstrip(b"\n") + b"\n" if is_text(form) else content
 
 
 def _checked(inputs: Mapping[str, Any]) -> PredictionInputs:
@@ -67,15 +56,10 @@ def _predict(store: ModelStore, inputs: PredictionInputs) -> Subject:
     require_few_points(inputs, settings.max_points)
     use_threads()
     loaded = TwinRegistry(store, settings.default_model).get(inputs.model)
-    scenario, times = inputs.sampled()
-    prediction = loaded.twin.predict(
-        scenario, times, inputs.frame, inputs.wanted_band_level, with_prior=inputs.wants_prior
-    )
-    if inputs.strict and not prediction.domain.inside:
-        reasons = "; ".join(reason.detail for reason in prediction.domain.reasons)
-        name = f"{loaded.twin.name}@{loaded.twin.version}"
-        raise RefusedError(f"the scenario is outside the domain of {name}: {reasons}")
-    return Subject(loaded, prediction)
+    try:
+        return predict(inputs, loaded)
+    except OutsideDomainError as error:
+        raise RefusedError(str(error)) from error
 
 
 def _table(subject: Subject) -> str:

@@ -78,12 +78,12 @@ def mobility(
     inputs = _checked({name: value for name, value in asked.items() if value is not None})
     loaded, found = _computed(open_store(store), inputs)
     from service.wire.forms.numbers import dump
-    from service.wire.mobility import document_of, table_of
+    from service.wire.mobility import map_as_csv, map_as_json
 
     if json or form == "json":
-        print(dump(document_of(loaded, found)).decode())
+        print(dump(map_as_json(loaded, found)).decode())
     elif form == "csv":
-        print(table_of(found), end="")
+        print(map_as_csv(found), end="")
     else:
         print(_heading(loaded, found))
         print_answer(_map(found))
@@ -92,15 +92,15 @@ def mobility(
 def _checked(asked: dict[str, Any]) -> MobilityInputs:
     from pydantic import ValidationError
 
-    from service.wire.faults import summary_of
-    from service.wire.mobility import MobilityInputs, mobility_faults
+    from service.wire.faults import faults_of, summary_of
+    from service.wire.mobility import ALLOWED, MobilityInputs
 
     try:
         return MobilityInputs.model_validate(asked)
     except ValidationError as error:
         # the API's words expect to hear first where a field was (query, body)
         errors = [{**each, "loc": ("option", *each["loc"])} for each in error.errors(include_url=False)]
-        raise UsageError(summary_of(mobility_faults(errors))) from error
+        raise UsageError(summary_of(faults_of(errors, ALLOWED))) from error
 
 
 def _computed(store: ModelStore, inputs: MobilityInputs) -> tuple[Loaded, MobilityMap]:

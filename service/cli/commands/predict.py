@@ -80,7 +80,7 @@ def predict(
     """
     if json and form not in ("table", "json"):
         raise UsageError(f"--json and --format {form} ask for two answers; leave one out")
-    from service.cli.actions.prediction import Question, answer, is_text
+    from service.cli.actions.prediction import answer, is_text
 
     chosen = "json" if json else form
     if output is None and not is_text(chosen) and sys.stdout.isatty():
@@ -98,7 +98,7 @@ def predict(
     }
     if model is not None:
         inputs["model"] = model
-    content = answer(open_store(store), Question(inputs, chosen))
+    content = answer(open_store(store), inputs, chosen)
     if output is not None:
         output.write_bytes(content)
         note(f"wrote {output}")

@@ -36,14 +36,14 @@ def suggest_runs(
         raise UsageError("--output writes the runs.csv; leave out --json, or redirect its output")
     from service.cli.views.models import find_version
     from service.twin.suggestions import suggestions
-    from service.wire.suggested_runs import document_of, table_of
+    from service.wire.suggested_runs import runs_as_csv, runs_as_json
 
     manifest = find_version(open_store(store), reference)
     runs = suggestions(manifest, count)
     if json:
-        print_json(document_of(manifest, runs))
+        print_json(runs_as_json(manifest, runs))
     elif output is None:
-        print(table_of(runs), end="")
+        print(runs_as_csv(runs), end="")
     else:
-        output.write_text(table_of(runs), encoding="utf-8")
+        output.write_text(runs_as_csv(runs), encoding="utf-8")
         note(f"wrote {output}")

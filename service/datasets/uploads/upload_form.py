@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
+from service.datasets.readers.column_map import PRESETS
 from service.datasets.run_table import SCENARIO_LIMITS
 
 _SLOPE, _MASS, _TORQUE, _HORIZON = (
@@ -26,7 +27,9 @@ class UploadForm(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     name: Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$")] | None = Field(
-        default=None, description="Name for people: A-Z a-z 0-9 . _ -, at most 63; without it, from the file's name."
+        default=None,
+        description="Name for people: A-Z a-z 0-9 . _ -, at most 63; without it, from the file's name.",
+        json_schema_extra={"x-allowed": "1 to 63 of A-Z a-z 0-9 . _ -, starting with a letter or digit"},
     )
     description: Annotated[str, StringConstraints(max_length=4000)] = Field(
         default="", description="A sentence for people, kept with the dataset."
@@ -36,7 +39,11 @@ class UploadForm(BaseModel):
         | Annotated[dict[str, bool | int | str], Field(max_length=64)]
         | None
     ) = Field(
-        default=None, description="Which column is which: a preset, or canonical name -> header or 0-based index."
+        default=None,
+        description="Which column is which: a preset, or canonical name -> header or 0-based index.",
+        json_schema_extra={
+            "x-allowed": f"one of {', '.join(PRESETS)}, or a JSON object of column name to header or 0-based index"
+        },
     )
     slope_deg: float | None = _SLOPE
     mass_kg: float | None = _MASS

@@ -12,7 +12,7 @@ from service.wire.batch_forms.json import encode_batch_json
 from service.wire.batch_forms.ndjson import batch_lines
 from service.wire.batch_forms.npz import encode_batch_npz
 from service.wire.batch_forms.subject import BatchSubject
-from service.wire.forms import MEDIA_TYPES
+from service.wire.forms import MEDIA_TYPES, Format
 
 
 class BatchFormat(StrEnum):
@@ -36,11 +36,15 @@ class BatchEncoder:
 
 BATCH_ENCODERS: Mapping[BatchFormat, BatchEncoder] = MappingProxyType(
     {
-        BatchFormat.JSON: BatchEncoder(MEDIA_TYPES["json"], encode_batch_json, text=True),
+        BatchFormat.JSON: BatchEncoder(MEDIA_TYPES[Format.JSON], encode_batch_json, text=True),
         BatchFormat.NDJSON: BatchEncoder("application/x-ndjson", stream=batch_lines),
-        BatchFormat.NPZ: BatchEncoder(MEDIA_TYPES["npz"], encode_batch_npz),
-        BatchFormat.ARROW: BatchEncoder(MEDIA_TYPES["arrow"], encode_batch_arrow),
+        BatchFormat.NPZ: BatchEncoder(MEDIA_TYPES[Format.NPZ], encode_batch_npz),
+        BatchFormat.ARROW: BatchEncoder(MEDIA_TYPES[Format.ARROW], encode_batch_arrow),
     }
 )
 
-__all__ = ["BATCH_ENCODERS", "BatchEncoder", "BatchFormat", "BatchSubject"]
+BATCH_MEDIA_TYPES: Mapping[BatchFormat, str] = MappingProxyType(
+    {form: each.media_type for form, each in BATCH_ENCODERS.items()}
+)
+
+__all__ = ["BATCH_ENCODERS", "BATCH_MEDIA_TYPES", "BatchEncoder", "BatchFormat", "BatchSubject"]

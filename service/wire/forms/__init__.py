@@ -66,7 +66,9 @@ ENCODERS: Mapping[Format, Encoder] = MappingProxyType(
         Format.PNG: Encoder("image/png", encode_png, text=False, points_at_once=0),
     }
 )
-MEDIA_TYPES: Mapping[str, str] = MappingProxyType({form.value: each.media_type for form, each in ENCODERS.items()})
-"""Media types by the name of the form."""
+MEDIA_TYPES: Mapping[Format, str] = MappingProxyType({form: each.media_type for form, each in ENCODERS.items()})
+TABLE_MEDIA_TYPES: Mapping[TableFormat, str] = MappingProxyType(
+    {form: MEDIA_TYPES[Format(form)] for form in TableFormat}
+)
 
-__all__ = ["ENCODERS", "MEDIA_TYPES", "Encoder", "Format", "Subject", "TableFormat"]
+__all__ = ["ENCODERS", "MEDIA_TYPES", "TABLE_MEDIA_TYPES", "Encoder", "Format", "Subject", "TableFormat"]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from service.settings import LIMITS
 from service.twin.scenario import sample_count
-from service.wire.prediction import smallest_step_s
+from service.wire.points import smallest_step_s
 
 
 def test_the_answer_has_the_promised_members(service):
