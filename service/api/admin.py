@@ -60,7 +60,7 @@ async def require_admin(
         str | SkipJsonSchema[None],
         Header(
             alias=ACTOR_HEADER,
-            description="Who asks, for the audit trail: it names, but proves nothing.",
+            description="Name of the caller for the audit trail. It is not checked.",
             json_schema_extra={"pattern": f"^{_ACTOR.pattern}$"},
         ),
     ] = None,

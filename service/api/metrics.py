@@ -51,12 +51,12 @@ router = APIRouter(tags=["health"], route_class=Route)
 
 @router.get(
     "/metrics",
-    summary="What happens here, for Prometheus",
+    summary="Metrics for Prometheus",
     response_class=Response,
     responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}, **problem_responses()},
 )
 async def metrics(request: Request, services: TheServices) -> Response:
-    """Counters since the start, of all processes that share this port. OpenMetrics for who accepts it."""
+    """Counters since the start, of all processes that share this port. OpenMetrics if the client accepts it."""
     others: list[Collector] = [_Residents(services)]
     if services.jobs is not None and (counts := await _job_counts(services)) is not None:
         others.append(_JobStates(counts))

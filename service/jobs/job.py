@@ -36,7 +36,7 @@ class _Frozen(BaseModel):
 
 
 class JobProgress(_Frozen):
-    """Where a running job stands. Errors are rms distances in metres; None where they do not apply."""
+    """Progress of a running job. Errors are rms distances in metres, null where they do not apply."""
 
     phase: str
     fraction: float = Field(ge=0, le=1)

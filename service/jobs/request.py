@@ -80,7 +80,7 @@ class TrainingJobRequest(_Asked):
     seed: int = Field(_FIT.seed, ge=0, le=2**31 - 1, description="The same seed gives the same weights.")
     budget: Budget = Field(Budget(), description="How much the job may compute.")
     promote: Literal["never", "if_better"] = Field(
-        "never", description="Whether champion moves to the new version when that is better by the margin."
+        "never", description="`if_better`: champion moves to the new version when that is better by the margin."
     )
     margin: float = Field(
         0.05,

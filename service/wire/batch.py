@@ -67,13 +67,13 @@ _shared_fields: dict[str, Any] = {name: (_FIELDS[name].annotation, _FIELDS[name]
 BatchBody = create_model(
     "BatchBody",
     __config__=ConfigDict(extra="forbid", json_schema_extra={"examples": [_EXAMPLE]}),
-    __doc__="Many scenarios, and what they share.",
+    __doc__="Many scenarios, and the fields that they share.",
     scenarios=(
         list[BatchScenario],
         Field(
             min_length=1,
             max_length=MAX_SCENARIOS,
-            description="The scenarios. One that is refused is listed under `errors`; the others are answered.",
+            description="The scenarios. Refused ones are listed in `errors`; the others are answered.",
         ),
     ),
     **_shared_fields,

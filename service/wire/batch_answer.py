@@ -63,7 +63,7 @@ class BatchDomain(BaseModel):
         list[list[str]], Field(description="The inputs that are outside; `joint` is their combination.")
     ]
     distance: Annotated[
-        list[float] | None, Field(description="To the nearest training run. Only if the version knows its runs.")
+        list[float] | None, Field(description="To the nearest training run. Only if the version lists its runs.")
     ] = None
     nearest_run: list[str] | None = None
 

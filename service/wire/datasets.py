@@ -37,11 +37,12 @@ class ReportAnswer(BaseModel):
 
 
 class DatasetUsers(BaseModel):
-    """Who names a dataset, and so keeps it from being deleted."""
+    """Versions and jobs that use a dataset. While there are any, it cannot be deleted."""
 
     versions: Annotated[list[str], Field(description="Published versions, as name@number.")]
     jobs: Annotated[
-        list[str] | None, Field(description="Ids of training jobs that wait or run; null when that cannot be told now.")
+        list[str] | None,
+        Field(description="Ids of queued and running training jobs; null while their database does not answer."),
     ]
 
 

@@ -47,7 +47,7 @@ class MobilityInputs(BaseModel):
     ] = None
     torque_steps: Annotated[
         _Steps,
-        Field(description="How many torques, both ends included; matters with a range of torques only.", examples=[10]),
+        Field(description="Number of torques, both ends included. Used with a range of torques only.", examples=[10]),
     ] = 10
     slope_min_deg: Annotated[
         _Slope, Field(description="Lowest slope in degrees; positive means uphill.", examples=[0])
@@ -55,7 +55,7 @@ class MobilityInputs(BaseModel):
     slope_max_deg: Annotated[_Slope, Field(description="Steepest slope in degrees.", examples=[35])] = 35.0
     slope_steps: Annotated[
         _Steps,
-        Field(description="How many slopes, both ends included; matters with a range of slopes only.", examples=[36]),
+        Field(description="Number of slopes, both ends included. Used with a range of slopes only.", examples=[36]),
     ] = 36
     horizon_s: Annotated[float, _PREDICTION["horizon_s"]]
     confidence: Annotated[
@@ -63,7 +63,7 @@ class MobilityInputs(BaseModel):
         Field(
             ge=CONFIDENCE[0],
             le=CONFIDENCE[1],
-            description="How sure the steepest slope must be climbed; needs a version with a band.",
+            description="Probability with which the steepest slope must be climbed. Needs a version with a band.",
             examples=[0.9],
         ),
     ] = 0.9
@@ -99,11 +99,14 @@ class MobilityAnswer(BaseModel):
     mass_kg: float
     horizon_s: float
     confidence: Annotated[
-        float | None, Field(description="Of the steepest slopes; null when the version has no band to judge it by.")
+        float | None, Field(description="Confidence of the steepest slopes; null when the version has no band.")
     ]
     steepest_by: Annotated[
         Literal["band", "central_estimate"],
-        Field(description="Whether the steepest slopes follow the band's lower edge or the central estimate alone."),
+        Field(
+            description="`band`: the band's lower edge decides what is climbed. "
+            "`central_estimate`: the version has no band."
+        ),
     ]
     slope_deg: list[float]
     torque_nm: list[float]
@@ -114,8 +117,8 @@ class MobilityAnswer(BaseModel):
     steepest_climb_slope_deg: Annotated[
         list[float | None],
         Field(
-            description="For each torque the slope up to which every slope of the map is climbed, to 0.01 deg; never "
-            "above the steepest slope of the map, null when not even its lowest is climbed."
+            description="For each torque, the slope up to which every slope of the map is climbed, to 0.01 deg. It is "
+            "never above the steepest slope of the map. null when the lowest slope is not climbed."
         ),
     ]
 

@@ -28,7 +28,7 @@ _TIMES = f"rising times from 0 to {LIMITS.horizon_s[1]:g}, the last one at least
 
 
 class Include(StrEnum):
-    """Parts of the answer that come on request only."""
+    """Parts of the answer that a client has to ask for."""
 
     PRIOR = "prior"
     BAND = "band"
@@ -66,7 +66,7 @@ class PredictionInputs(BaseModel):
         Field(
             ge=LIMITS.horizon_s[0],
             le=LIMITS.horizon_s[1],
-            description="How far to predict, in seconds from rest. With `times_s` it is the last of them.",
+            description="Length of the prediction in seconds, from rest. With `times_s` it is the last of them.",
             examples=[10],
         ),
     ] = 10.0
@@ -126,13 +126,17 @@ class PredictionInputs(BaseModel):
         Field(
             ge=LOWEST_LEVEL,
             le=HIGHEST_LEVEL,
-            description="How often the truth shall lie in the band, time by time; matters with `include=band` only.",
+            description="Pointwise coverage of the band: the share of all times at which it holds the simulated "
+            "position. Used with `include=band` only.",
             examples=[0.9],
         ),
     ] = USUAL_LEVEL
     strict: Annotated[
         bool,
-        Field(description="Refuse a scenario outside the model's domain with a 422 instead of answering a verdict."),
+        Field(
+            description="Answer 422 to a scenario outside the model's domain. "
+            "Otherwise `domain` says that it is outside."
+        ),
     ] = False
 
     @property

@@ -20,7 +20,7 @@ class ModelIdentity(BaseModel):
 
 
 class ScenarioEcho(BaseModel):
-    """The question as understood, defaults filled in."""
+    """The scenario as it was understood, with defaults filled in."""
 
     slope_deg: float
     mass_kg: float
@@ -61,8 +61,8 @@ class WorldPrior(BaseModel):
 
 
 class BandAnswer(BaseModel):
-    """An interval for x and one for y at each time, slope frame: of runs like the training runs, a share of `level` of
-    all times lies inside.
+    """An interval for x and one for y at each time, in the slope frame. For runs like the training runs, it holds the
+    position at a share `level` of all times.
     """
 
     level: Annotated[float, Field(ge=0.5, le=0.99)]
@@ -75,8 +75,8 @@ class BandAnswer(BaseModel):
 class DomainReason(BaseModel):
     """One input outside the training runs. `torque_ratio` is torque / (mass x gravity x wheel radius).
 
-    `joint` is no input: its value is `distance`, its highest value the 99 % quantile of what separates a training run
-    from the nearest other one.
+    `joint` is the combination of all inputs. Its value is `distance`; its highest value is the 99 % quantile of the
+    distances from a training run to the nearest other one.
     """
 
     field: Literal["slope_deg", "mass_kg", "torque_nm", "torque_ratio", "horizon_s", "joint"]
@@ -87,7 +87,7 @@ class DomainReason(BaseModel):
 
 
 class NearestRun(BaseModel):
-    """A training run near the scenario, and how far off its end was predicted by a model that had not seen it."""
+    """A training run near the scenario, and the error of its predicted end by a model trained without it."""
 
     run: str
     slope_deg: float
@@ -108,7 +108,7 @@ class DomainAnswer(BaseModel):
             ge=0,
             description="Distance to the nearest training run: root of the sum of squared differences in slope, "
             "log torque_ratio and log mass, each over its spread among the runs. null for a version that does not "
-            "know its runs.",
+            "list its runs.",
         ),
     ]
     nearest_runs: Annotated[list[NearestRun], Field(description="The three nearest training runs, nearest first.")]

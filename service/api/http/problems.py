@@ -121,7 +121,8 @@ _ROWS = (
         Slug.DATASET_REJECTED,
         422,
         "Dataset rejected",
-        "Nothing of the upload can be used, or it asked to be strict; `report` names file, row, column and reason.",
+        "No run of the upload is usable, or `strict` was set and some run is not. "
+        "`report` names file, row, column and reason.",
     ),
     ProblemKind(
         Slug.DATASET_IN_USE,
@@ -132,9 +133,7 @@ _ROWS = (
     ProblemKind(
         Slug.UPLOAD_STALLED, 408, "Upload stalled", "No byte of the body came for half a minute; send it again."
     ),
-    ProblemKind(
-        Slug.CONFLICT, 409, "Conflict", "It cannot be done in the present state; `detail` says why. Look, decide again."
-    ),
+    ProblemKind(Slug.CONFLICT, 409, "Conflict", "The resource is in a state that does not allow this; see `detail`."),
     ProblemKind(
         Slug.JOB_NOT_FOUND, 404, "Training job not found", "`GET /v1/admin/training-jobs` lists the jobs there are."
     ),
@@ -145,7 +144,7 @@ _ROWS = (
         Slug.QUEUE_FULL,
         429,
         "Queue full",
-        "As many training jobs wait as may wait; try again after `Retry-After` seconds, or cancel one.",
+        "The queue of training jobs is full. Try again after `Retry-After` seconds, or cancel a job.",
     ),
     ProblemKind(
         Slug.IDEMPOTENCY_KEY_REUSED,
@@ -163,7 +162,7 @@ _ROWS = (
         Slug.PRECONDITION_FAILED,
         412,
         "Precondition failed",
-        "The alias is not what `If-Match` or `If-None-Match` said: it moved meanwhile. Read it again, decide again.",
+        "The alias has moved since it was read: it is not what `If-Match` or `If-None-Match` says. Read it again.",
     ),
     ProblemKind(
         Slug.PRECONDITION_REQUIRED,
@@ -178,13 +177,14 @@ _ROWS = (
         Slug.ARTEFACT_CORRUPT,
         503,
         "Stored version unusable",
-        "What is stored is damaged or does not fit together; the operator restores it, other versions still answer.",
+        "The stored version is damaged. The operator has to restore it; other versions still answer.",
     ),
     ProblemKind(
         Slug.UNSUPPORTED_FORMAT,
         503,
         "Stored version too new",
-        "The version was published by a newer release; the operator upgrades, other versions still answer.",
+        "The version was published by a newer release. The operator has to upgrade this service; "
+        "other versions still answer.",
     ),
     ProblemKind(
         Slug.STORE_UNAVAILABLE, 503, "Store unavailable", "The model store does not answer; try again a little later."
@@ -196,7 +196,7 @@ _ROWS = (
         Slug.OVERLOADED,
         503,
         "Overloaded",
-        "Too much is waiting or going on already; `detail` says of what. Try again after `Retry-After` seconds.",
+        "The service has as much work as it takes; `detail` says of which kind. Try again after `Retry-After` seconds.",
     ),
     ProblemKind(
         Slug.INTERNAL, 500, "Internal error", "A fault of the service; report it with the `X-Request-ID` of the answer."

@@ -39,7 +39,7 @@ _WRITE_PROBLEMS = (
     Slug.PRECONDITION_FAILED,
 )
 
-Reason = Annotated[str, Field(max_length=4000, description="Why, for whoever reads the history.")]
+Reason = Annotated[str, Field(max_length=4000, description="Reason of the move, kept in the history.")]
 
 
 class AliasAnswer(BaseModel):
@@ -65,7 +65,7 @@ class AliasHistoryAnswer(BaseModel):
 
 
 class AliasMove(BaseModel):
-    """Where the alias shall point, and why."""
+    """The version that the alias is to point to, and why."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
@@ -84,7 +84,7 @@ class AliasRollback(BaseModel):
 IfMatch = Annotated[
     str | SkipJsonSchema[None],
     Header(
-        description='`ETag` of the alias as it was read, such as `"3"`; `*` for whatever it is.',
+        description='`ETag` of the alias as it was read, such as `"3"`, or `*` for any.',
         examples=['"3"'],
     ),
 ]
@@ -111,7 +111,7 @@ async def list_aliases(name: Name, services: TheServices) -> AliasesAnswer:
 
 @reading.get("/{name}/aliases/{alias}", summary="One alias", responses=_NO_ALIAS | {200: {"headers": _ETAG}})
 async def get_alias(name: Name, alias: Alias, services: TheServices, response: Response) -> AliasAnswer:
-    """Where the alias points now; `ETag` is what a move wants as `If-Match`."""
+    """Where the alias points now. A move sends the `ETag` as `If-Match`."""
     require_name(name, alias)
     record = await services.storage.run(lambda: services.store.alias(name, alias))
     response.headers["ETag"] = etag_of(record.seq)
@@ -131,8 +131,8 @@ async def get_alias_history(name: Name, alias: Alias, services: TheServices) -> 
     summary="Move an alias",
     responses=problem_responses(*_WRITE_PROBLEMS, Slug.PRECONDITION_REQUIRED)
     | {
-        200: {"headers": _ETAG, "description": "It was there and moved."},
-        201: {"model": AliasAnswer, "headers": _ETAG, "description": "It is new."},
+        200: {"headers": _ETAG, "description": "An existing alias has moved."},
+        201: {"model": AliasAnswer, "headers": _ETAG, "description": "A new alias was made."},
     },
 )
 async def put_alias(
@@ -145,10 +145,10 @@ async def put_alias(
     if_match: IfMatch = None,
     if_none_match: IfNoneMatch = None,
 ) -> AliasAnswer:
-    """Point the alias to a published version. One that is there needs `If-Match`, one that is new does not.
+    """Point the alias to a published version. To move an existing alias, send `If-Match`; a new one needs none.
 
-    Moving it to the version that it has is a move too. Predictions follow within two seconds, in every replica; those
-    that are running finish on the version that they began with.
+    Moving it to its present version is a move too. Predictions follow within two seconds, in every replica. A running
+    prediction finishes on the version that it began with.
     """
     require_name(name)
     if not layout.is_alias(alias):
@@ -174,9 +174,9 @@ async def roll_back(
     asked: Annotated[AliasRollback | SkipJsonSchema[None], Body()] = None,
     if_match: IfMatch = None,
 ) -> AliasAnswer:
-    """Back to the version before. A second rollback goes one further back, not forth again.
+    """Back to the version before. A second rollback goes one version further back.
 
-    Without `If-Match` it takes back whatever move is the last one now. When nothing is left to go back to: a conflict.
+    Without `If-Match` it takes back the last move, whichever it is. Without an earlier version it is a conflict.
     """
     require_name(name, alias)
     condition = _Condition(name, alias, if_match, None)

@@ -41,7 +41,7 @@ _MEANINGS = {
 _RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
         "model": BatchAnswer,
-        "description": "The trajectories, in the form asked for. Also where scenarios were refused: see `errors`.",
+        "description": "The trajectories, in the form asked for. Scenarios that were refused are in `errors`.",
         "content": {
             BATCH_ENCODERS[form].media_type: {"schema": {"type": "string", "description": meaning}}
             for form, meaning in _MEANINGS.items()
@@ -96,7 +96,7 @@ router = APIRouter(prefix=PATH, tags=["predictions"], responses=_RESPONSES, rout
     },
 )
 async def post_batch(form: Annotated[BatchFormatQuery, Query()], request: Request, services: TheServices) -> Response:
-    """Where many rovers go, at the same step or at the same times. A scenario that is refused stops no other one."""
+    """Where many rovers go, all with the same step or the same times. A refused scenario does not stop the others."""
     wanted = choose(BATCH_MEDIA_TYPES, form.format, request.headers.get("accept"))
     require_json(request)
     body = await request.body()

@@ -30,7 +30,12 @@ class DatasetLinks(BaseModel):
 class UploadAnswer(BaseModel):
     """What became of an upload."""
 
-    id: Annotated[str, Field(description="Digest of the content: the same runs have the same id, however they came.")]
+    id: Annotated[
+        str,
+        Field(
+            description="Digest of the content: the same runs have the same id, in whatever form they were uploaded."
+        ),
+    ]
     created: Annotated[bool, Field(description="Whether this upload stored it.")]
     stored: Annotated[bool, Field(description="Whether the store has it now, by this upload or before.")]
     dry_run: bool

@@ -115,10 +115,10 @@ Reference = Annotated[
         Slug.CONFLICT,
     )
     | {
-        200: {"model": UploadAnswer, "description": "The same content is here already, or it was a dry run."},
+        200: {"model": UploadAnswer, "description": "The same content is stored already, or it was a dry run."},
         201: {
             "model": UploadAnswer,
-            "description": "It is stored.",
+            "description": "The dataset is stored.",
             "headers": {"Location": {"schema": {"type": "string"}, "description": "Address of the dataset."}},
         },
     },
@@ -210,7 +210,7 @@ async def get_preview(reference: Reference, asked: Annotated[PreviewQuery, Query
     responses=_NO_DATASET
     | {
         200: {
-            "description": "`runs.parquet`: one row per sample; what is read here can be uploaded again.",
+            "description": "`runs.parquet`: one row per sample. It can be uploaded again.",
             "content": {PARQUET: {"schema": {"type": "string", "format": "binary"}}},
             "headers": {
                 "ETag": {"schema": {"type": "string"}, "description": "sha256 of the file."},
@@ -220,7 +220,7 @@ async def get_preview(reference: Reference, asked: Annotated[PreviewQuery, Query
     },
 )
 async def download_dataset(reference: Reference, services: TheServices) -> StreamingResponse:
-    """The runs as they are stored. A file that is damaged in the store never arrives whole: the connection is cut."""
+    """The runs as they are stored. If the stored file is damaged, the connection is cut before its end."""
     size_bytes, headers, pieces = await services.storage.run(lambda: _opened(services.store, reference))
     return StreamingResponse(pieces, headers=headers | {"Content-Length": str(size_bytes)}, media_type=PARQUET)
 
@@ -234,7 +234,7 @@ async def download_dataset(reference: Reference, services: TheServices) -> Strea
     responses=_NO_DATASET | problem_responses(Slug.DATASET_IN_USE),
 )
 async def delete_dataset(reference: Reference, services: TheServices) -> Response:
-    """Refused while a published version or an unfinished training job names it. Wants the whole id."""
+    """Takes the whole id. Refused while a published version or an unfinished training job uses the dataset."""
     await services.storage.run(lambda: _delete(services, reference))
     return Response(status_code=204)
 

@@ -35,8 +35,8 @@ async def idempotency_key(
         str | None,
         Header(
             alias=HEADER,
-            description="Makes sending the request again safe: the same key with the same body answers the same job, "
-            f"with another body it is refused. {ALLOWED[0].upper()}{ALLOWED[1:]}.",
+            description="Makes it safe to repeat the request: the same key with the same body answers the same job. "
+            f"With another body it is refused. {ALLOWED[0].upper()}{ALLOWED[1:]}.",
             examples=['"8e03978e-40d5-43dd-bc93-6894a57f9324"'],
         ),
     ] = None,

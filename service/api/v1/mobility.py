@@ -69,7 +69,7 @@ router = APIRouter(prefix="/v1/mobility", tags=["mobility"], responses=_RESPONSE
 
 @router.get("", summary="Where the rover climbs, stalls and slides", response_class=Response, response_model=None)
 async def get_mobility(asked: Annotated[MobilityQuery, Query()], request: Request, services: TheServices) -> Response:
-    """Over slope x torque for one mass: outcome, speed, slip, and for each torque the steepest slope surely climbed."""
+    """Outcome, speed and slip over slope x torque for one mass. For each torque, the steepest slope that is climbed."""
     form = choose(TABLE_MEDIA_TYPES, asked.format, request.headers.get("accept"))
     torques, slopes = asked.torques_nm(), asked.slopes_deg()
     loaded = await services.twin(asked.model)

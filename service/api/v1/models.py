@@ -39,7 +39,7 @@ class ModelEntry(BaseModel):
 
 
 class ModelAnswer(ModelEntry):
-    """The same with what the publisher said about the champion, or about the newest version without one."""
+    """A model with the description of its champion, or of its newest version if there is no champion."""
 
     description: str
 

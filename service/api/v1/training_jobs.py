@@ -45,10 +45,10 @@ _EXAMPLE_ID = "0f0e3b5c-6b43-4d0f-a5a5-3a7d3f0b8a10"
 _HIGHEST_EVENT = 999_999_999
 _JOB_ID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 
-_Limit = Annotated[int, Field(ge=1, le=500, description="At most this many on a page.", examples=[50]), PLAIN_INTEGER]
+_Limit = Annotated[int, Field(ge=1, le=500, description="Most entries on a page.", examples=[50]), PLAIN_INTEGER]
 _After = Annotated[
     int | SkipJsonSchema[None],
-    Field(ge=0, le=_HIGHEST_EVENT, description="Only what came after the event of this number.", examples=[17]),
+    Field(ge=0, le=_HIGHEST_EVENT, description="Only what came after the event with this number.", examples=[17]),
     PLAIN_INTEGER,
 ]
 
@@ -95,7 +95,7 @@ class EventsQuery(_Query):
 
 
 _JOB = problem_responses(Slug.JOB_NOT_FOUND)
-_LAST_EVENT_DESCRIPTION = "The last `id` that came: the stream goes on after it. It wins over `after`."
+_LAST_EVENT_DESCRIPTION = "The last `id` that was received; the stream continues after it. It wins over `after`."
 
 router = APIRouter(
     prefix=ADDRESS,
@@ -132,10 +132,13 @@ JobId = Annotated[str, Depends(_known_id)]
     summary="Start a training job",
     responses={
         202: {
-            "description": "The job waits, and is not lost from now on; a known `Idempotency-Key` answers its job.",
+            "description": "The job is queued and survives a restart. A known `Idempotency-Key` answers its job.",
             "headers": {
-                "Location": {"schema": {"type": "string"}, "description": "Where the job is to be seen."},
-                "Retry-After": {"schema": {"type": "integer"}, "description": "Seconds until a look is worth it."},
+                "Location": {"schema": {"type": "string"}, "description": "Address of the job."},
+                "Retry-After": {
+                    "schema": {"type": "integer"},
+                    "description": "Seconds to wait before asking for the job.",
+                },
             },
         },
         **problem_responses(
@@ -153,7 +156,7 @@ async def start_job(
     queue: Queue,
     services: TheServices,
 ) -> JobAnswer:
-    """Train a new version of a model on stored datasets. What cannot work is refused now, not by a failing job."""
+    """Train a new version of a model on stored datasets. A request that cannot succeed is refused at once."""
     job = await _known(services, queue, key, asked) or await _queued(services, queue, asked, actor, key)
     response.headers["Location"] = f"{ADDRESS}/{job.id}"
     response.headers["Retry-After"] = str(_LOOK_AGAIN_S)
@@ -255,11 +258,11 @@ async def get_log(
     responses={
         200: {
             "description": "Server-sent events: `state`, `progress` and `log`, each with a number as its `id` and a "
-            "JSON object with `time` as its data; a comment every 15 s. Ends after the state that the job ends in. "
-            "A connection that is lost before goes on where it was with `Last-Event-ID`.",
+            "JSON object with `time` as its data; a comment every 15 s. The stream ends with the job's last state. "
+            "After a lost connection, `Last-Event-ID` continues it.",
             "content": {"text/event-stream": {"schema": {"type": "string"}, "example": STREAM_EXAMPLE}},
         },
-        204: {"description": "The job has ended and nothing came after that event: do not ask again."},
+        204: {"description": "The job has ended and there is no later event. Do not ask again."},
         **problem_responses(Slug.JOB_NOT_FOUND),
     },
 )

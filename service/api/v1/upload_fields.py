@@ -20,9 +20,9 @@ class UploadFields(UploadForm):
     """Everything that may come with an upload."""
 
     filename: Annotated[str, StringConstraints(min_length=1, max_length=MAX_NAME_CHARACTERS)] | None = Field(
-        default=None, description="What the sender calls a raw body; a part of a form brings its own."
+        default=None, description="File name of a raw body. In a form, the part has its own."
     )
-    dry_run: bool = Field(default=False, description="Only say what would become of it; nothing is stored.")
+    dry_run: bool = Field(default=False, description="Validate and report only; nothing is stored.")
 
     def form(self) -> UploadForm:
         """Without what only the transport needs."""

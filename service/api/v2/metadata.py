@@ -33,7 +33,7 @@ class TensorMetadata(BaseModel):
     shape: list[int]
     parameters: Parameters = Field(
         description="`unit`, `description`; of inputs `minimum`, `maximum`, `optional` and, where known, between "
-        "which values this version was trained; of outputs whether they come without being named."
+        "which values this version was trained; of outputs whether they are sent without being asked for."
     )
 
 

@@ -55,11 +55,11 @@ class ServerLive(BaseModel):
 
 
 class ServerReady(BaseModel):
-    """Whether the service can predict. `live` is there since the specification's text has it so."""
+    """Whether the service can predict. `live` is part of the protocol's text."""
 
     live: bool
     ready: bool
-    error: str = Field(default="", description="Why not, if not.")
+    error: str = Field(default="", description="Reason, when not ready.")
 
 
 class ModelReady(BaseModel):
@@ -244,7 +244,7 @@ async def repository_index(request: Request, services: TheServices) -> list[Inde
     responses=failure_responses(400, 404, 413, 501, 503),
 )
 async def load_model(name: Name, request: Request, services: TheServices) -> Response:
-    """Brings the version that the model's champion is into memory, ahead of the first request."""
+    """Brings the model's champion into memory before the first request."""
     require_loadable(_read(RepositoryRequest, await request.body()).parameters)
     await services.twin(reference_of(name))
     return Response()
@@ -258,7 +258,7 @@ async def load_model(name: Name, request: Request, services: TheServices) -> Res
     responses=failure_responses(400, 404, 413, 501, 503),
 )
 async def unload_model(name: Name, request: Request, services: TheServices) -> Response:
-    """Drops all its versions from memory; a later request loads them again. The default model stays."""
+    """Drops all versions of the model from memory. A later request loads them again. The default model stays."""
     _read(RepositoryRequest, await request.body())
     reference = reference_of(name)
     default = services.settings.default_model

@@ -29,7 +29,7 @@ def is_text(form: str) -> bool:
 
 
 def answer(store: ModelStore, inputs: Mapping[str, Any], form: str) -> bytes:
-    """The answer to the fields of a prediction as the user gave them, as a table or a `Format`; text is UTF-8 and ends with a line feed.
+    """The answer to the fields that the user gave, as a table or a `Format`. Text is UTF-8 and ends with a line feed.
 
     Raises UsageError or InvalidValueError for inputs that the API would refuse too, RefusedError for a strict
     question outside the domain, and what loading a twin raises.

@@ -199,7 +199,7 @@ def upload_file(
         float | None, typer.Option(help="Stall torque per wheel, where the file does not say.")
     ] = None,
     horizon_s: Annotated[float | None, typer.Option(help="How long the run was meant to last.")] = None,
-    set_name: Annotated[str | None, typer.Option("--set", help="Set of the runs that do not name theirs.")] = None,
+    set_name: Annotated[str | None, typer.Option("--set", help="Set of the runs that name none.")] = None,
     passport: Annotated[
         Path | None, typer.Option(help="A passport.json that says what was simulated; wins over one in the file.")
     ] = None,

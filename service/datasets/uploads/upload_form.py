@@ -13,7 +13,7 @@ from service.datasets.run_table import SCENARIO_LIMITS
 _SLOPE, _MASS, _TORQUE, _HORIZON = (
     Field(default=None, ge=SCENARIO_LIMITS[name][0], le=SCENARIO_LIMITS[name][1], description=text)
     for name, text in (
-        ("slope_deg", "Slope of the one run (or of all rows that do not say), degrees, positive uphill."),
+        ("slope_deg", "Slope in degrees, positive uphill, of the one run or of all rows that name none."),
         ("mass_kg", "Mass of the whole rover, kg."),
         ("torque_nm", "Motor stall torque of each wheel, N m."),
         ("horizon_s", "How long the run was meant to last, s; without it, its last time."),
@@ -50,7 +50,7 @@ class UploadForm(BaseModel):
     torque_nm: float | None = _TORQUE
     horizon_s: float | None = _HORIZON
     set_name: Annotated[str, StringConstraints(min_length=1, max_length=200)] = Field(
-        default="default", description="Set of the runs that do not name theirs."
+        default="default", description="Set of the runs that name none."
     )
     passport: dict[str, Any] | None = Field(
         default=None, description="What was simulated, as passport.json; wins over one in the upload."
