@@ -43,7 +43,7 @@ def predict(
         typer.Option(help="Add a part to the answer: prior, the closed-form solution alone; band, an error interval."),
     ] = None,
     band_level: Annotated[
-        float, typer.Option(help="How often the truth shall lie in the band, with --include band; 0.5 to 0.99.")
+        float, typer.Option(help="Pointwise coverage of the band, with --include band; 0.5 to 0.99.")
     ] = 0.9,
     strict: Annotated[
         bool, typer.Option("--strict", help="Refuse a scenario outside the model's domain: exit code 4.")
