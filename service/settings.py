@@ -76,62 +76,62 @@ class Settings(BaseSettings):
         default=4, description="Model versions kept in memory; the least recently used one makes room."
     )
     refresh_s: Annotated[float, Field(gt=0, le=60)] = Field(
-        default=0.5, description="Seconds between two looks at the store for aliases that moved."
+        default=0.5, description="Seconds between two looks at the store for moved aliases."
     )
     max_points: Annotated[int, Field(ge=2, le=10_000_000)] = Field(
-        default=100_000, description="Most points of one trajectory."
+        default=100_000, description="Largest number of points of one trajectory."
     )
     max_body_bytes: Annotated[int, Field(ge=1024, le=1 << 30)] = Field(
-        default=4 << 20, description="Largest request body in bytes; 100,000 times in JSON take up to 2.5 MB."
+        default=4 << 20, description="Largest request body in bytes; 100,000 sample times in JSON take up to 2.5 MB."
     )
     admin_token: Annotated[SecretStr, Field(min_length=16, max_length=1024)] | None = Field(
         default=None,
-        description="Bearer token of the admin endpoints, at least 16 characters; unset, they are off.",
+        description="Bearer token of the admin endpoints, at least 16 characters; without it they are off.",
     )
     jobs_database_url: Annotated[str, Field(pattern=r"^(sqlite:///|postgresql(\+psycopg)?://).+")] | None = Field(
         default=None,
-        description="Database of the training jobs, sqlite:///file or postgresql://...; "
-        "unset, a file inside a local store, else in the user's state folder.",
+        description="Database of the training jobs, sqlite:///file or postgresql://... "
+        "The default is a file inside a local store, or in the user's state folder for other stores.",
     )
     max_upload_bytes: Annotated[int, Field(ge=1024, le=1 << 40)] = Field(
-        default=1 << 30, description="Largest dataset upload in bytes, as sent."
+        default=1 << 30, description="Largest dataset upload in bytes, before it is unpacked."
     )
     max_queued_jobs: Annotated[int, Field(ge=1, le=10_000)] = Field(
-        default=16, description="Training jobs that may wait; the next one is turned away with a 429."
+        default=16, description="Training jobs that may wait; the next one is refused with a 429."
     )
     start_worker: bool = Field(
-        default=True, description="Whether serve starts and supervises a training worker; only with an admin token."
+        default=True, description="Whether serve keeps a training worker running; it does so only with an admin token."
     )
     worker_threads: Annotated[int, Field(ge=1, le=1024)] = Field(
-        default=1, description="Threads of a training worker; it also yields the processor to predictions."
+        default=1, description="Threads of a training worker, which yields the processor to predictions."
     )
     workers: Annotated[int, Field(ge=1, le=256)] = Field(
         default=1,
-        description="Server processes that share the port, the metrics and the training worker; limits of waiting and "
-        "of connections are each one's own.",
+        description="Server processes, which share the port, the metrics and the training worker. Each has its own "
+        "limits of waiting predictions and of connections.",
     )
     threads: Annotated[int, Field(ge=1, le=1024)] | None = Field(
         default=None,
-        description="Threads for predictions in each server process; unset means that together they are as many as the "
-        "CPU quota allows.",
+        description="Threads for predictions in each server process. By default all processes together have as many as "
+        "the CPU quota allows.",
     )
     max_waiting: Annotated[int, Field(ge=0, le=100_000)] = Field(
-        default=256, description="Predictions that may wait for a thread; the next one is turned away with a 503."
+        default=256, description="Predictions that may wait for a thread; the next one is refused with a 503."
     )
     max_connections: Annotated[int, Field(ge=16, le=1_000_000)] = Field(
-        default=2048, description="Connections served at once; the next one is turned away with a 503."
+        default=2048, description="Connections served at the same time; the next one is refused with a 503."
     )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
-        default="info", description="Least severe messages that are logged."
+        default="info", description="Least severe level of the messages that are logged."
     )
     log_format: Literal["console", "json"] = Field(
-        default="console", description="Log lines for people (console) or one JSON object per line (json)."
+        default="console", description="Log lines for people (console), or one JSON object per line (json)."
     )
     drain_s: Annotated[float, Field(ge=0, le=600)] = Field(
-        default=1.0, description="Seconds after SIGTERM in which readiness says 503 while requests are still taken."
+        default=1.0, description="Seconds after SIGTERM in which readiness answers 503 and requests are still accepted."
     )
     shutdown_grace_s: Annotated[int, Field(ge=1, le=3600)] = Field(
-        default=30, description="Seconds that running requests get to finish before they are cut off."
+        default=30, description="Seconds in which running requests may finish before they are cut off."
     )
 
     def jobs_url(self) -> str:

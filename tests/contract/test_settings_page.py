@@ -17,7 +17,8 @@ def page() -> str:
         shown = "unset" if default is None else f"`{default}`" if name != "store_url" else default
         rows.append(f"| `{PREFIX}{name.upper()}` | {field['description']} | {allowed_values(field)} | {shown} |")
     head = (
-        "# Settings\n\nEnvironment variables of `rover-twin serve`. A wrong value stops the start with one line why.\n"
+        "# Settings\n\nEnvironment variables of `rover-twin serve`. "
+        "With a wrong value the service does not start, and one line says why.\n"
     )
     return f"{head}\n| variable | meaning | allowed | default |\n|---|---|---|---|\n" + "\n".join(rows) + "\n"
 
