@@ -34,8 +34,8 @@ def described(alone: Mapping[str, Sequence[float]]) -> tuple[str, list[Bar]]:
     kinds = ("engine", "predict", "plain")
     rows = [[f"{points:,}", *(Sample(alone[f"{kind} {points}"]).p50 for kind in kinds)] for points in STEPS_S]
     text = (
-        "### Arithmetic\n\nOne trajectory in a process without a server, median, ms: the compiled engine alone; with "
-        "summary and domain verdict, which is floor (c) below; and the engine's formulas in plain Python and NumPy.\n\n"
+        "### Arithmetic\n\nOne trajectory in a process without a server, median, ms: the compiled engine alone, "
+        "with summary and domain verdict (floor (c) below), and the engine's formulas in plain Python and NumPy.\n\n"
     )
     bar = Bar("20,001 points, engine alone, ms", Sample(alone["engine 20001"]).p50, 1.0)
     return text + table(["points", "engine", "prediction (c)", "plain Python and NumPy"], rows), [bar]

@@ -100,8 +100,8 @@ def measure(
     text = (
         "### One answer at a time\n\nOne kept connection, ms. *Arithmetic* is the twin's `predict` in a process "
         "without a server, *encoder* the writing of the bytes there; the rest of p50 is HTTP. *Ratio* is p50 over "
-        "floor (a), *CPU* the processor time per request of either server. *304* is the answer to who has it already, "
-        "beside floor (b).\n\n"
+        "floor (a), *CPU* the processor time per request of either server. *304* is the answer to a client that has "
+        "it, beside floor (b).\n\n"
     )
     return text + table([*names, "CPU", "floor's CPU"], rows), bars
 

@@ -130,15 +130,15 @@ rover-twin reproduce {options}
 
 {warning}{table}
 
-Where training is random the cells are medians over seeds, with the range in parentheses.
+Where training is random, cells are medians over seeds, with the range in parentheses.
 
 {figures}
 
 ## How each number is made
 
 - **Runs.** Datasets `paper` (430 kg, 60 N m), `mass` (twice both) and `space` of the shipped store: Project Chrono on
-  lunar regolith, rear wheel, {samples} samples over {horizon} s. Whoever prepared the paper had other runs, so its row
-  is for orientation: only rows above it compare like with like. Made from {datasets}, with {libraries}; the same
+  lunar regolith, rear wheel, {samples} samples over {horizon} s. The paper used other runs, so its rows are for
+  orientation: only the rows above them compare like with like. Made from {datasets}, with {libraries}; the same
   datasets, libraries and kind of processor give the same errors again.
 - **28° final and maximum.** Distance between predicted and simulated wheel centre after {horizon} s, and its maximum
   over the run, at 28°, 430 kg and 60 N m. Trained on the other {train} slopes of dataset `paper`; no part of the run
@@ -146,21 +146,21 @@ Where training is random the cells are medians over seeds, with the range in par
 - **860 kg final and maximum.** The same models, not retrained, at 28°, 860 kg and 120 N m. Rows trained on the `space`
   set also saw its {space} runs (other slopes, masses and torques), still neither the run at 28° nor any of `mass`.
 - **Every 4th point.** Root of the paper's loss, equation (4), over every fourth sample of the {train} training runs.
-  This is how the paper validates. Its neighbours 0.5 ms away were trained on, so it measures memory, not prediction;
-  judge by the columns before it.
+  This is how the paper validates. The model was trained on the neighbours of each sample, 0.5 ms away. So the column
+  measures memory and not prediction; judge by the columns before it.
 - **One trajectory.** Median time of 15 predictions of 20,001 points, torch on one thread, on the machine that wrote
-  this page: the only column that depends on the machine. The paper's 120 ms are on a graphics card.
+  this page. No other column depends on the machine. The paper's 120 ms are from a graphics card.
 - **Printed prior.** Equations (1) and (2) exactly as printed, with the friction coefficient that fits the training
-  slopes best, since the paper states none. **Motor prior**: closed form of a motor whose torque falls with speed, one
-  coefficient fitted the same way.
+  slopes best, because the paper states none. **Motor prior**: the closed form of a motor whose torque falls with speed.
+  Its one coefficient is fitted the same way.
 - **Paper's network.** Five dense layers (30, 120, 500, 50, 2), ReLU, of time and slope, loss of equation (4);
   {seeds} seed(s), {epochs} epochs of {rows} samples drawn from the training runs. The figures show the seed with the
   median final error, over the printed prior.
 - **Our model.** Motor and traction laws for the drive, a Gaussian process for what the soil takes from it, integrated
-  over time; nothing in it is random. Its hyperparameters are constants in the code that were chosen once on all shipped
-  runs, so the run at 28° had a part in choosing them, none in the fit. It learns from every sample: its entry under
+  over time. Nothing in it is random. Its hyperparameters are constants of the code, chosen once on all shipped runs. So
+  the run at 28° had a part in that choice, but none in the fit. The model learns from every sample: its entry under
   "every 4th point" is an error on training samples. The figures show the row without the space set.
 - **The paper's rows.** Section 4: 1.9 m and 6.1 cm at 28°, 120 ms; section 4.2 calls the errors at 860 kg "pretty
-  similar". Empty cells are not stated. The abstract states other numbers (60 m reduced to 20 cm, 400 ms) without an
-  experiment that gives them.
+  similar". The paper states no values for empty cells. Its abstract has other numbers (60 m reduced to 20 cm, 400 ms)
+  without an experiment that gives them.
 """
