@@ -10,7 +10,7 @@ PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13; do \
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 CHRONO ?= ../shared/chrono
 
-.PHONY: run test lint types bench e2e image openapi datasets model clean
+.PHONY: run test lint types bench e2e image openapi clients datasets model clean
 
 run: $(VENV)/.runtime ## the service with the shipped model on http://127.0.0.1:8000
 	@exec $(BIN)/rover-twin serve $(ARGS)
@@ -25,7 +25,7 @@ lint: $(VENV)/.dev ## style, and the direction of imports
 
 types: $(VENV)/.dev ## mypy, strict
 	@$(BIN)/mypy
-	@$(BIN)/mypy --strict clients/python/src
+	@$(BIN)/mypy --strict clients/python
 
 bench: $(VENV)/.dev ## how fast, beside its floors (some minutes); writes docs/performance.md
 	@$(BIN)/python -m tests.benchmarks.serving $(ARGS)
@@ -38,6 +38,9 @@ image: $(VENV)/.dev ## build and run the container image (needs docker or podman
 
 openapi: $(VENV)/.dev ## refresh the OpenAPI document that a test compares
 	@$(BIN)/rover-twin openapi > tests/contract/openapi.json
+
+clients: $(VENV)/.dev ## generate the synchronous Python client from the asynchronous one
+	@$(BIN)/python clients/python/generate_sync.py
 
 datasets: $(VENV)/.runtime ## rebuild the shipped datasets from the original Chrono output in $(CHRONO)
 	@for set in paper mass space; do $(BIN)/rover-twin datasets import $(CHRONO) --set $$set --name $$set --strict || exit 1; done

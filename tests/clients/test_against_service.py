@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import rover_twin_client
 from rover_twin_client import (
     ConnectionFailedError,
     InvalidInputError,
@@ -309,10 +310,11 @@ def test_the_shell_script_says_the_services_reason(service_url: str) -> None:
     assert "mass_kg" in done.stderr
 
 
-def test_the_examples_of_the_clients_readme_run(service_url: str) -> None:
+def test_the_examples_of_the_clients_readme_and_docstring_run(service_url: str) -> None:
     text = (REPOSITORY / "clients" / "python" / "README.md").read_text(encoding="utf-8")
     examples = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
     examples = [example for example in examples if "TOKEN" not in example]  # test_training runs the operator's
+    examples.append("\n".join(re.findall(r"^    (.+)", rover_twin_client.__doc__ or "", flags=re.MULTILINE)))
     outputs = [
         subprocess.run(
             [sys.executable, "-W", "error", "-c", example.replace("http://127.0.0.1:8000", service_url)],
@@ -323,9 +325,10 @@ def test_the_examples_of_the_clients_readme_run(service_url: str) -> None:
         for example in examples
     ]
 
-    prediction, mobility, suggestions, faults = outputs
+    prediction, mobility, suggestions, faults, shortest = outputs
     assert re.search(r"viper-lunar@\d+ (climbs|stalls|slides)", prediction)
     assert re.search(r"^120 N m: up to \d+\.\d deg, by band$", mobility, flags=re.MULTILINE)
     assert re.search(r"^\d+ of 84 cells climb", mobility, flags=re.MULTILINE)
     assert suggestions.count("runs/viper_") == 3
     assert "mass_kg" in faults
+    assert re.fullmatch(r"(climbs|stalls|slides) \S+\n", shortest)

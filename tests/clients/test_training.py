@@ -361,7 +361,7 @@ def _request(**given: Any) -> dict[str, Any]:
 def test_a_token_that_no_header_carries_is_refused_and_not_shown(token: str) -> None:
     from rover_twin_client import RoverTwin
 
-    with pytest.raises(ValueError, match="token is allowed to be") as caught:
+    with pytest.raises(ValueError, match="token must be visible ASCII") as caught:
         RoverTwin(token=token)
     assert not token.strip() or token not in str(caught.value)
 

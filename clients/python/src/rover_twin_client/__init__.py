@@ -1,14 +1,18 @@
-"""Asks a rover digital twin where the rover goes.
+"""Predicts where a rover goes, by asking the rover-twin service.
 
-from rover_twin_client import RoverTwin
+    from rover_twin_client import RoverTwin
 
-with RoverTwin("http://127.0.0.1:8000") as twin:
-prediction = twin.predict(slope_deg=28, mass_kg=430, torque_nm=60)
-print(prediction.summary.outcome, prediction.x_m[-1])
+    with RoverTwin("http://127.0.0.1:8000") as twin:
+        prediction = twin.predict(slope_deg=28, mass_kg=430, torque_nm=60)
+        print(prediction.summary.outcome, prediction.x_m[-1])
+
+`AsyncRoverTwin` has the same calls, to be awaited. `rover_twin_client.errors` shows the tree of errors.
 """
 
 from __future__ import annotations
 
+from rover_twin_client._async.client import AsyncRoverTwin
+from rover_twin_client._sync.client import RoverTwin
 from rover_twin_client.answers import (
     Band,
     Domain,
@@ -27,8 +31,6 @@ from rover_twin_client.answers import (
     SuggestionReason,
     Summary,
 )
-from rover_twin_client.async_client import AsyncRoverTwin
-from rover_twin_client.client import RoverTwin
 from rover_twin_client.errors import (
     ConflictError,
     ConnectionFailedError,

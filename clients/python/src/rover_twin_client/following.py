@@ -1,6 +1,6 @@
-"""Follows a job's events over connections that may break: what both clients share. No I/O.
+"""How far the events of a job have been read, and when to connect again; for both clients. No I/O.
 
-An event is waited for over at most `RECONNECTS` connections that bring nothing; each event that comes starts anew.
+The client gives up after `RECONNECTS` connections in a row without an event.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from http import HTTPStatus
 
 from httpx_sse import ServerSentEvent
-from tenacity import AsyncRetrying, RetryCallState, Retrying, retry_if_exception_type, stop_after_delay, wait_fixed
+from tenacity import RetryCallState, retry_if_exception_type, stop_after_delay, wait_fixed
 
 from rover_twin_client import responses, training_parsing
 from rover_twin_client.calls import refused
@@ -22,10 +22,11 @@ from rover_twin_client.errors import (
     TrainingFailedError,
     UnexpectedAnswerError,
 )
+from rover_twin_client.network import Retries
 from rover_twin_client.training import JobEvent, TrainingJob
 
-RECONNECTS = 30  # a minute, at the two seconds that the service asks for: it may be restarted meanwhile
-# The service sends a comment every 15 s: a connection that is silent for longer is dead.
+RECONNECTS = 30  # a minute, with the pause of two seconds that the service asks for: enough for a restart
+# The service sends a comment every 15 s. A connection that is silent for three times as long is dead.
 SILENCE_S = 45.0
 _PAUSE_S = 0.5
 _LONGEST_PAUSE_S = 30.0
@@ -42,16 +43,16 @@ class Following:
             raise refused("after", after, "the number of an event, 0 or more")
         self.number = after
         self.ended = False
-        self._tries = 1 + retries  # until a first connection stands: who asks nobody wants to know soon
+        self._tries = 1 + retries  # for the first connection only: a wrong address must fail soon
         self._pause_s = _PAUSE_S
 
     def headers(self) -> dict[str, str]:
-        """What to ask the next connection with."""
+        """The headers of the next request."""
         headers = {"Accept": "text/event-stream", "Cache-Control": "no-store"}
         return headers if self.number is None else headers | {"Last-Event-ID": str(self.number)}
 
     def accept(self, status: int, headers: Mapping[str, str], content: bytes) -> None:
-        """Judges the head of an answer; `content` is its body unless it is a stream. 204: nothing will ever come."""
+        """Checks the head of an answer. `content` is its body, unless it is a stream. After 204 no event will come."""
         if status == HTTPStatus.NO_CONTENT:
             self.ended = True
             return
@@ -62,7 +63,7 @@ class Following:
         self._tries = 1 + RECONNECTS
 
     def read(self, sent: ServerSentEvent) -> JobEvent | None:
-        """The job's event; None for what is none (a pause to keep, a comment) or was read before."""
+        """The event that was sent; None for a comment, a new pause, or an event that was read before."""
         if sent.retry is not None:
             self._pause_s = min(sent.retry / 1000, _LONGEST_PAUSE_S)
         if not sent.data:
@@ -77,13 +78,9 @@ class Following:
         self.number, self.ended = number, event.is_last
         return event
 
-    def again(self) -> Retrying:
-        """Runs a function until it does not fail for want of a connection."""
-        return Retrying(stop=self._gives_up, wait=self._wait, retry=_DROPPED, reraise=True)
-
-    def async_again(self) -> AsyncRetrying:
-        """`again` for coroutines."""
-        return AsyncRetrying(stop=self._gives_up, wait=self._wait, retry=_DROPPED, reraise=True)
+    def again(self, kind: type[Retries]) -> Retries:
+        """Runs a function again as long as it fails because of the connection."""
+        return kind(stop=self._gives_up, wait=self._wait, retry=_DROPPED, reraise=True)
 
     def _gives_up(self, state: RetryCallState) -> bool:
         return state.attempt_number >= self._tries
@@ -93,7 +90,7 @@ class Following:
 
 
 class Waiting:
-    """Looks at a job every second until it has ended, over drops of the service as `Following` bears them."""
+    """Looks at a job every second until it has ended. It gives up after `RECONNECTS` failed looks in a row."""
 
     def __init__(self, timeout_s: float) -> None:
         if not 0 < timeout_s < float("inf"):
@@ -102,17 +99,10 @@ class Waiting:
         self._seen = False
         self._drops = 0
 
-    def looking(self) -> Retrying:
-        """Runs a function that gets the job until that has ended; raises TimedOutError when it has not in time."""
-        stop = stop_after_delay(self._timeout_s)
-        return Retrying(stop=stop, wait=wait_fixed(_LOOK_EVERY_S), retry=self._goes_on, retry_error_callback=self._late)
-
-    def async_looking(self) -> AsyncRetrying:
-        """`looking` for coroutines."""
-        stop = stop_after_delay(self._timeout_s)
-        return AsyncRetrying(
-            stop=stop, wait=wait_fixed(_LOOK_EVERY_S), retry=self._goes_on, retry_error_callback=self._late
-        )
+    def looking(self, kind: type[Retries]) -> Retries:
+        """Runs a function that gets the job until the job has ended; raises TimedOutError when that takes too long."""
+        stop, pause = stop_after_delay(self._timeout_s), wait_fixed(_LOOK_EVERY_S)
+        return kind(stop=stop, wait=pause, retry=self._goes_on, retry_error_callback=self._late)
 
     def _goes_on(self, state: RetryCallState) -> bool:
         assert state.outcome is not None
@@ -125,18 +115,18 @@ class Waiting:
 
     def _late(self, state: RetryCallState) -> TrainingJob:
         assert state.outcome is not None
-        job: TrainingJob = state.outcome.result()  # raises what the last look raised
-        raise TimedOutError(f"training job {job.id} is {job.state} after {self._timeout_s:g} s; it goes on")
+        job: TrainingJob = state.outcome.result()  # raises the failure of the last look, if it failed
+        raise TimedOutError(f"training job {job.id} is still {job.state} after {self._timeout_s:g} s, and goes on")
 
 
 def succeeded(job: TrainingJob) -> TrainingJob:
-    """The job; raises TrainingFailedError when it ended without a version."""
+    """Returns the job; raises TrainingFailedError when it ended without a version."""
     if job.state == "succeeded":
         return job
     reason = f": {job.failure.message} {job.failure.remedy}" if job.failure else ""
-    raise TrainingFailedError(f"training job {job.id} {job.state}{reason}", job)
+    raise TrainingFailedError(f"training job {job.id} did not succeed ({job.state}){reason}", job)
 
 
 def ended_early() -> ConnectionFailedError:
-    """The service closed the stream before the job's last event: it was restarted, or an hour was over."""
-    return ConnectionFailedError("the stream of events ended before the job did")
+    """The error for a stream that closed before the job's last event: the service restarted, or an hour was over."""
+    return ConnectionFailedError("the stream of events closed before the job ended")

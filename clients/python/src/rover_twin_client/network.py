@@ -1,16 +1,15 @@
-"""What both clients share about the network: timeouts, which failures are tried again, and their names."""
+"""Timeouts, retries and named failures of the network, for both clients."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TypeVar
 
 import httpx
 from tenacity import (
-    AsyncRetrying,
-    Retrying,
+    BaseRetrying,
     retry_if_exception,
     stop_after_attempt,
     wait_combine,
@@ -27,21 +26,22 @@ from rover_twin_client.errors import (
 )
 
 DEFAULT_URL = "http://127.0.0.1:8000"
-# A service that is there accepts at once; an answer takes milliseconds, but the largest map takes seconds, and a
-# version asked for the first time is read from its store first.
+# A running service accepts at once. An answer takes milliseconds, but the largest map takes seconds, and a version is
+# read from its store before it answers for the first time.
 DEFAULT_TIMEOUT = httpx.Timeout(connect=3.0, read=30.0, write=10.0, pool=10.0)
 DEFAULT_RETRIES = 2
-LONGEST_WAIT_S = 10.0  # a service that asks for more is reported instead of waited for
+LONGEST_WAIT_S = 10.0  # when the service asks for a longer wait, the call fails at once
 ACTOR = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._@+-]{0,99}")
 HEADERS = {"Accept": "application/json", "User-Agent": "rover-twin-client"}
+Retries = TypeVar("Retries", bound=BaseRetrying)  # tenacity's Retrying or AsyncRetrying
 
 
 def checked_url(base_url: str) -> httpx.URL:
-    """The base address; raises ValueError unless it is http(s)://host, with or without port and path."""
+    """The base address; raises ValueError unless it is http(s)://host, with an optional port and path."""
     try:
         url = httpx.URL(base_url)
     except (httpx.InvalidURL, TypeError) as fault:
-        raise ValueError(f"base_url is {base_url!r}, which is no address: {fault}") from fault
+        raise ValueError(f"base_url is {base_url!r}, which is not an address: {fault}") from fault
     if url.scheme not in ("http", "https") or not url.host or url.query or url.fragment:
         raise ValueError(f"base_url is {base_url!r}, allowed is http://host:port or https://host/path")
     return url
@@ -55,16 +55,16 @@ def checked_retries(retries: int) -> int:
 
 
 def checked_token(token: str | None) -> dict[str, str]:
-    """The header that a token is sent in; raises ValueError, which does not show it, for what no header can carry."""
+    """The header that carries the token; raises ValueError, without the token in its text, when no header can."""
     if token is None:
         return {}
     if not isinstance(token, str) or not token.isascii() or not token.isprintable() or not token.strip():
-        raise ValueError("token is allowed to be visible ASCII characters: what ROVER_TWIN_ADMIN_TOKEN is there")
+        raise ValueError("token must be visible ASCII characters: the ROVER_TWIN_ADMIN_TOKEN of the service")
     return {"Authorization": f"Bearer {token.strip()}"}
 
 
 def checked_actor(actor: str | None) -> dict[str, str]:
-    """The header that names who asks, for the service's records; raises ValueError for what it does not take."""
+    """The header that names the caller in the service's records; raises ValueError for a name that it refuses."""
     if actor is None:
         return {}
     if not isinstance(actor, str) or not ACTOR.fullmatch(actor):
@@ -76,7 +76,7 @@ def checked_actor(actor: str | None) -> dict[str, str]:
 def request_of(
     http: httpx.Client | httpx.AsyncClient, call: Call[Any], files: dict[str, Any] | None, credentials: dict[str, str]
 ) -> httpx.Request:
-    """The request that a call is; `credentials` are sent only where it needs them."""
+    """The HTTP request of a call; it carries `credentials` only when the call needs them."""
     return http.build_request(
         call.method,
         call.path,
@@ -90,39 +90,34 @@ def request_of(
 
 
 def patient(usual: httpx.Timeout, read_s: float) -> httpx.Timeout:
-    """The client's timeout, with at least `read_s` between two pieces of an answer."""
+    """The client's timeout, but with at least `read_s` seconds between two pieces of an answer."""
     if usual.read is None or usual.read >= read_s:
         return usual
     return httpx.Timeout(connect=usual.connect, read=read_s, write=usual.write, pool=usual.pool)
 
 
-def retrying(retries: int) -> Retrying:
-    """Runs a function up to 1 + `retries` times; the last failure is raised as it is."""
-    return Retrying(stop=stop_after_attempt(1 + retries), wait=WAIT, retry=WORTH_ANOTHER_TRY, reraise=True)
-
-
-def async_retrying(retries: int) -> AsyncRetrying:
-    """`retrying` for coroutines."""
-    return AsyncRetrying(stop=stop_after_attempt(1 + retries), wait=WAIT, retry=WORTH_ANOTHER_TRY, reraise=True)
+def retrying(kind: type[Retries], retries: int) -> Retries:
+    """Runs a function up to 1 + `retries` times, and raises the last failure as it is."""
+    return kind(stop=stop_after_attempt(1 + retries), wait=WAIT, retry=WORTH_ANOTHER_TRY, reraise=True)
 
 
 @contextmanager
 def named_failures(base_url: httpx.URL) -> Iterator[None]:
-    """Turns httpx's errors into ours, naming the address."""
+    """Turns the errors of httpx into those of this client, which name the address."""
     try:
         yield
     except httpx.TimeoutException as fault:
         phase = type(fault).__name__
-        raise TimedOutError(f"{base_url} did not answer in time ({phase}); raise `timeout`?") from fault
+        raise TimedOutError(f"{base_url} did not answer in time ({phase}); try a longer `timeout`") from fault
     except httpx.TransportError as fault:
         raise ConnectionFailedError(f"cannot talk to {base_url}: {fault}; is the service running?") from fault
-    except httpx.RequestError as fault:  # what is left: a body that cannot be decoded
+    except httpx.RequestError as fault:  # the remaining case: a body that cannot be decoded
         raise UnexpectedAnswerError(f"cannot read the answer of {base_url}: {fault}") from fault
 
 
 def _is_worth_another_try(fault: BaseException) -> bool:
-    # Only calls that are harmless to repeat come here. A 503 without Retry-After (a corrupt version, say) does
-    # not heal in seconds; one that took the whole timeout has cost the caller enough.
+    # Only calls that are harmless to repeat come here. A 503 without Retry-After, such as a corrupt version, does not
+    # heal in seconds. After a time-out the caller has waited long enough.
     if isinstance(fault, NotReadyError):
         return fault.retry_after_s is not None and fault.retry_after_s <= LONGEST_WAIT_S
     return isinstance(fault, ConnectionFailedError)
@@ -133,5 +128,5 @@ def _asked_wait_s(fault: BaseException) -> float:
 
 
 WORTH_ANOTHER_TRY = retry_if_exception(_is_worth_another_try)
-# What the service asked for, plus up to 0.2, 0.4, ... 1 s at random, so that many clients do not return at once.
+# The wait that the service asked for, plus up to 0.2, 0.4, ... 1 s at random: many clients must not return at once.
 WAIT = wait_combine(wait_exception(_asked_wait_s), wait_random_exponential(multiplier=0.2, max=1.0))

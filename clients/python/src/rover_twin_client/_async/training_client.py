@@ -1,4 +1,4 @@
-"""The operator's words of the asynchronous client: those of `training_client`, awaited."""
+"""The operator's calls: datasets, training jobs and aliases."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import BinaryIO
 
+from tenacity import AsyncRetrying
+
 from rover_twin_client import training_calls as calls
-from rover_twin_client.async_connection import AsyncConnection
+from rover_twin_client._async.connection import AsyncConnection
 from rover_twin_client.following import Following, Waiting, succeeded
 from rover_twin_client.training import (
     Alias,
@@ -26,9 +28,9 @@ from rover_twin_client.training import (
 
 
 class AsyncTrainingClient(AsyncConnection):
-    """Datasets, training jobs and aliases. Every call but reading an alias needs `token`.
+    """Datasets, training jobs and aliases. Every call needs `token`, except the two that read an alias.
 
-    Without it, or with a wrong one, they raise NotAllowedError.
+    A call without the token, or with a wrong one, raises NotAllowedError.
     """
 
     async def upload_dataset(
@@ -48,9 +50,15 @@ class AsyncTrainingClient(AsyncConnection):
         dry_run: bool = False,
         filename: str | None = None,
     ) -> Upload:
-        """Sends Chrono runs: a zip or tar with `runs.csv` and `passport.json`, a long CSV, Parquet, or one plain run.
+        """Uploads Chrono runs: a zip or tar with `runs.csv` and `passport.json`, a long CSV, Parquet, or one plain run.
 
-        Arguments, units and errors are those of `RoverTwin.upload_dataset`.
+        `file` is a path or an open binary file. An open file is sent from its beginning. The client never holds a
+        whole file in memory. `slope_deg`, `mass_kg`, `torque_nm` (motor stall torque per wheel) and `horizon_s` fill in
+        what the files do not say. `column_map` is the name of a preset, or a mapping that says which column is which.
+        `dry_run` checks the file and stores nothing. `strict` refuses the whole upload when one run is unusable. The
+        same content is always the same dataset, so an upload may be repeated.
+
+        Raises DatasetRejectedError with a report, InvalidInputError for a field, and what every call raises.
         """
         fields = calls.upload_fields(
             name=name,
@@ -68,11 +76,11 @@ class AsyncTrainingClient(AsyncConnection):
         with ExitStack() as opened:
             stream = opened.enter_context(Path(file).open("rb")) if isinstance(file, str | os.PathLike) else file
             sent_as = filename or Path(str(getattr(stream, "name", "upload"))).name
-            # what cannot be rewound can be sent once only
+            # a stream that cannot be rewound can be sent only once
             return await self._answer(calls.upload(fields, retried=stream.seekable()), {"file": (sent_as, stream)})
 
     async def datasets(self) -> list[DatasetInfo]:
-        """Every dataset, in the order of the ids."""
+        """Lists every dataset, in the order of the ids."""
         found: list[DatasetInfo] = []
         more = True
         while more:
@@ -82,22 +90,25 @@ class AsyncTrainingClient(AsyncConnection):
         return found
 
     async def dataset(self, reference: str) -> Dataset:
-        """One dataset by its id, a unique start of it (6 digits or more) or its name; raises NotFoundError."""
+        """Describes a dataset. `reference` is its name, its id, or a unique start of the id (6 digits or more).
+
+        Raises NotFoundError.
+        """
         return await self._answer(calls.dataset(reference))
 
     async def preview_dataset(self, reference: str, form: PreviewFormat = "svg") -> bytes:
-        """A figure of its runs and scenarios, as SVG or PNG; raises NotFoundError."""
+        """Returns a figure of the runs and scenarios of a dataset, as SVG or PNG; raises NotFoundError."""
         return await self._answer(calls.preview(reference, form))
 
     async def download_dataset(self, reference: str, path: str | os.PathLike[str]) -> Path:
-        """Writes its runs to the file `path` as Parquet, one row per sample; raises NotFoundError.
+        """Writes the runs of a dataset to the file `path` as Parquet, one row per sample; raises NotFoundError.
 
-        Arguments, units and errors are those of `RoverTwin.download_dataset`.
+        The file appears only when it is complete and has the digest that the service sent. It replaces an older file.
         """
         return await self._save(calls.download(reference), Path(path))
 
     async def delete_dataset(self, identity: str) -> None:
-        """Deletes a dataset by its whole id; raises ConflictError while a version or a job names it."""
+        """Deletes a dataset by its whole id; raises ConflictError while a version or a job uses it."""
         await self._answer(calls.delete_dataset(identity))
 
     async def start_training_job(
@@ -119,9 +130,16 @@ class AsyncTrainingClient(AsyncConnection):
         description: str | None = None,
         idempotency_key: str | None = None,
     ) -> TrainingJob:
-        """Queues the training of a new version of `model` on stored datasets (ids or names). Never queued twice.
+        """Queues a job that trains a new version of `model` on stored datasets (ids or names).
 
-        Arguments, units and errors are those of `RoverTwin.start_training_job`.
+        All runs at `test_slopes_deg` are kept for testing, and the share `test_fraction` of the other runs. The
+        service has a default for every argument that is None. `promote="if_better"` moves the alias champion to the new
+        version when the error on unseen runs falls by the share `margin`.
+
+        A job is never queued twice. Each call has its own key, and the client repeats the call under this key when the
+        connection breaks. Give an `idempotency_key` when another process must be able to repeat the call.
+
+        Raises InvalidInputError when the job cannot work, QueueFullError when too many jobs wait.
         """
         request = calls.job_request(
             model,
@@ -142,7 +160,7 @@ class AsyncTrainingClient(AsyncConnection):
         return await self._answer(calls.start(request, idempotency_key or str(uuid.uuid4())))
 
     async def training_job(self, job_id: str) -> TrainingJob:
-        """Where a job stands, and what came out of it; raises NotFoundError."""
+        """Returns the state of a job, and its result when it has one; raises NotFoundError."""
         return await self._answer(calls.job(job_id))
 
     async def training_jobs(
@@ -153,33 +171,39 @@ class AsyncTrainingClient(AsyncConnection):
         limit: int = 50,
         before: str | None = None,
     ) -> list[TrainingJob]:
-        """Jobs, newest first: `limit` (1 to 500) of those older than the job with the id `before`."""
+        """Lists at most `limit` (1 to 500) jobs, newest first.
+
+        With `before`, only those older than the job of that id are listed.
+        """
         return await self._answer(calls.jobs(state=state, model=model, limit=limit, before=before))
 
     async def cancel_training_job(self, job_id: str) -> TrainingJob:
-        """Cancels a job that waits or runs; it stops within seconds. Raises ConflictError when it has ended."""
+        """Cancels a job that waits or runs. It stops within seconds. Raises ConflictError when it has ended."""
         return await self._answer(calls.cancel(job_id))
 
     def job_events(self, job_id: str, after: int | None = None) -> AsyncIterator[JobEvent]:
-        """The job's events as they come, from the first one or after the one of number `after`, to its last.
+        """Yields the events of a job as they happen, each one once, until the job has ended.
 
-        Arguments, units and errors are those of `RoverTwin.job_events`.
+        It starts with the first event, or with the one that follows the number `after`. When the connection breaks,
+        the client connects again and continues from there. It gives up after a minute without success. Raises
+        NotFoundError.
         """
         return self._follow(calls.events_path(job_id), Following(after, self._retries))
 
     async def wait_for_job(self, job_id: str, timeout_s: float = 3600.0) -> TrainingJob:
-        """Waits until the job has succeeded, and bears a service that restarts meanwhile.
+        """Waits until a job has succeeded, and returns it. The service may restart meanwhile.
 
-        Arguments, units and errors are those of `RoverTwin.wait_for_job`.
+        Raises TrainingFailedError when the job failed or was cancelled, TimedOutError when it has not ended in time.
         """
-        return succeeded(await Waiting(timeout_s).async_looking()(self.training_job, job_id))
+        ended: TrainingJob = await Waiting(timeout_s).looking(AsyncRetrying)(self.training_job, job_id)
+        return succeeded(ended)
 
     async def alias(self, name: str, alias: str = "champion") -> Alias:
-        """Where an alias points, with the `etag` that a move wants; raises NotFoundError. Needs no token."""
+        """Returns where an alias points, and its `etag` for `move_alias`; raises NotFoundError. Needs no token."""
         return await self._answer(calls.alias(name, alias))
 
     async def alias_history(self, name: str, alias: str = "champion") -> list[Alias]:
-        """Every move of an alias, newest first; raises NotFoundError. Needs no token."""
+        """Lists every move of an alias, newest first; raises NotFoundError. Needs no token."""
         return await self._answer(calls.alias_history(name, alias))
 
     async def move_alias(
@@ -187,15 +211,17 @@ class AsyncTrainingClient(AsyncConnection):
     ) -> Alias:
         """Points an alias to a published version; predictions follow within two seconds.
 
-        Arguments, units and errors are those of `RoverTwin.move_alias`.
+        `expected` is the alias as the caller last read it, or its `etag`. `"*"` moves the alias from wherever it is.
+        Only a new alias needs no `expected`. Raises ConflictError when the alias has moved since, or when `expected` is
+        missing.
         """
         return await self._answer(calls.move_alias(name, alias, version, reason, expected))
 
     async def rollback_alias(
         self, name: str, alias: str = "champion", reason: str = "", *, expected: Alias | str | None = None
     ) -> Alias:
-        """Takes the last move of an alias back; a second rollback goes one version further back.
+        """Undoes the last move of an alias; a second rollback goes one version further back.
 
-        Arguments, units and errors are those of `RoverTwin.rollback_alias`.
+        Raises ConflictError when there is no version to go back to, or when the alias is not what was `expected`.
         """
         return await self._answer(calls.rollback_alias(name, alias, reason, expected))

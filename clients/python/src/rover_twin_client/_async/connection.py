@@ -1,4 +1,4 @@
-"""What the asynchronous client stands on: `connection`, awaited."""
+"""The base of the client: a pool of connections that sends a `Call` and follows the events of a job."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any, Self
 
 import httpx
 from httpx_sse import EventSource, ServerSentEvent
+from tenacity import AsyncRetrying
 
 from rover_twin_client.calls import Answer, Call
 from rover_twin_client.following import SILENCE_S, Following, ended_early
@@ -18,7 +19,6 @@ from rover_twin_client.network import (
     DEFAULT_TIMEOUT,
     DEFAULT_URL,
     HEADERS,
-    async_retrying,
     checked_actor,
     checked_retries,
     checked_token,
@@ -26,13 +26,24 @@ from rover_twin_client.network import (
     named_failures,
     patient,
     request_of,
+    retrying,
 )
 from rover_twin_client.saving import whole_file
 from rover_twin_client.training import JobEvent
 
 
 class AsyncConnection:
-    """Talks to one rover-twin service from one event loop; the arguments are those of `Connection`."""
+    """Connects to one rover-twin service. Use it from one event loop. Close it, or use it in `async with`.
+
+    `token` is the operator's token, which the service has as `ROVER_TWIN_ADMIN_TOKEN`. Only calls that need it send it.
+    `actor` is the caller's name in the service's records; the service does not verify it.
+
+    `timeout` limits connecting, sending and reading, in seconds each; an `httpx.Timeout` sets them one by one.
+    `retries` (0 to 10) is how many more times a call is tried, when the connection breaks or the service answers 503
+    with a Retry-After of at most 10 s. `transport` replaces the network, for example with a proxy or in a test.
+
+    Raises ValueError for an argument that cannot be used.
+    """
 
     def __init__(
         self,
@@ -62,7 +73,9 @@ class AsyncConnection:
         await self.aclose()
 
     async def _answer(self, call: Call[Answer], files: dict[str, Any] | None = None) -> Answer:
-        return await async_retrying(self._retries if call.retried else 0)(self._attempt, call, files)
+        retries = self._retries if call.retried else 0
+        answer: Answer = await retrying(AsyncRetrying, retries)(self._attempt, call, files)
+        return answer
 
     async def _attempt(self, call: Call[Answer], files: dict[str, Any] | None) -> Answer:
         with named_failures(self._url):
@@ -70,7 +83,8 @@ class AsyncConnection:
         return call.read(response.status_code, response.headers, response.content)
 
     async def _save(self, call: Call[bytes], path: Path) -> Path:
-        return await async_retrying(self._retries)(self._attempt_to_save, call, path)
+        saved: Path = await retrying(AsyncRetrying, self._retries)(self._attempt_to_save, call, path)
+        return saved
 
     async def _attempt_to_save(self, call: Call[bytes], path: Path) -> Path:
         async with AsyncExitStack() as opened:
@@ -88,7 +102,7 @@ class AsyncConnection:
         stream = _Stream(self, path, following)
         try:
             while not following.ended:
-                event: JobEvent | None = await following.async_again()(stream.next_event)
+                event: JobEvent | None = await following.again(AsyncRetrying)(stream.next_event)
                 if event is not None:
                     yield event
         finally:
@@ -97,9 +111,8 @@ class AsyncConnection:
     async def _open_stream(self, path: str, following: Following) -> httpx.Response:
         headers = following.headers() | self._credentials
         timeout = patient(self._http.timeout, SILENCE_S)
-        response = await self._http.send(
-            self._http.build_request("GET", path, headers=headers, timeout=timeout), stream=True
-        )
+        request = self._http.build_request("GET", path, headers=headers, timeout=timeout)
+        response = await self._http.send(request, stream=True)
         try:
             is_stream = response.status_code == httpx.codes.OK
             following.accept(response.status_code, response.headers, b"" if is_stream else await response.aread())
@@ -110,7 +123,7 @@ class AsyncConnection:
 
 
 class _Stream:
-    """The connection that events come over; made again when it broke."""
+    """The connection that brings the events of a job. It is opened again after it broke."""
 
     def __init__(self, connection: AsyncConnection, path: str, following: Following) -> None:
         self._connection = connection
@@ -120,7 +133,7 @@ class _Stream:
         self._sent: AsyncIterator[ServerSentEvent] | None = None
 
     async def next_event(self) -> JobEvent | None:
-        """The next one, None when there will be none; raises when the connection cannot be made or breaks."""
+        """Returns the next event, or None when there are no more; raises when the connection fails or breaks."""
         try:
             with named_failures(self._connection._url):
                 return await self._read()
@@ -142,7 +155,7 @@ class _Stream:
         raise ended_early()
 
     async def aclose(self) -> None:
-        """Let go of the connection."""
+        """Closes the connection."""
         if self._response is not None:
             await self._response.aclose()
             self._response = None

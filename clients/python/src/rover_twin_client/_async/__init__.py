@@ -1,0 +1,1 @@
+"""The calls of the client, sent over the network."""
