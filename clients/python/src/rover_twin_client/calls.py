@@ -1,7 +1,4 @@
-"""The questions one can ask: each builds a `Call`, what to send where and how to read the answer. No I/O.
-
-The synchronous and the asynchronous client send the same calls, so both speak the same words.
-"""
+"""Builds the calls that predict and describe models. Both clients send these calls. No I/O."""
 
 from __future__ import annotations
 
@@ -24,10 +21,11 @@ NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,62}")
 
 @dataclass(frozen=True, slots=True)
 class Call(Generic[Answer]):
-    """One request: `path` below the base address, `query`, the reader of the answer, and whether to try again.
+    """One request to `path` below the base address, and `parse`, which reads the answer.
 
-    `json` or `form` is its body, `token` says that it needs the token, `read_s` how long the answer may take where
-    that is longer than usual. An answer of one of `statuses` is good; it is JSON unless `is_document` is false.
+    `retried` allows the client to send it again. `json` or `form` is its body. `token` means that it needs the token.
+    `read_s` is how long the answer may take, in seconds, when that is longer than usual. An answer succeeds with one of
+    `statuses`, and its body is JSON unless `is_document` is false.
     """
 
     path: str
@@ -44,7 +42,7 @@ class Call(Generic[Answer]):
     is_document: bool = True
 
     def read(self, status: int, headers: Mapping[str, str], content: bytes) -> Answer:
-        """The answer's value, or the named error raised (see `responses.document`)."""
+        """Returns the value of the answer, or raises the named error (see `responses.document`)."""
         if status == HTTPStatus.NO_CONTENT or not self.is_document:
             responses.require(status, headers, content, self.statuses)
             return self.parse(Node(content))
@@ -64,10 +62,10 @@ def predict(
     strict: bool,
     band_level: float | None = None,
 ) -> Call[Prediction]:
-    """GET /v1/predictions. Ranges are the service's to judge; only what cannot be written is refused here."""
+    """GET /v1/predictions. The service checks the ranges; this refuses only what is not a number."""
     numbers = {"slope_deg": slope_deg, "mass_kg": mass_kg, "torque_nm": torque_nm, "horizon_s": horizon_s}
     numbers |= said(dt_s=dt_s, band_level=band_level)
-    query = {name: _number(name, value) for name, value in numbers.items()}
+    query = {name: repr(number(name, value)) for name, value in numbers.items()}
     if model is not None:
         query["model"] = model
     query["frame"] = frame
@@ -92,7 +90,7 @@ def mobility(
     confidence: float | None,
     model: str | None,
 ) -> Call[MobilityMap]:
-    """GET /v1/mobility. What is None is left to the service's default; ranges are its to judge."""
+    """GET /v1/mobility. The service has a default for every None, and checks the ranges."""
     numbers = {
         "mass_kg": mass_kg,
         "torque_min_nm": torque_min_nm,
@@ -101,7 +99,7 @@ def mobility(
         **said(confidence=confidence),
     }
     counts = said(torque_steps=torque_steps, slope_steps=slope_steps)
-    query = {name: _number(name, value) for name, value in numbers.items()}
+    query = {name: repr(number(name, value)) for name, value in numbers.items()}
     query |= {name: whole(name, value) for name, value in counts.items()}
     return Call("/v1/mobility", parsing.mobility, query | said(model=model))
 
@@ -128,31 +126,31 @@ def manifest(name: str, version: int) -> Call[dict[str, Any]]:
 
 
 def ready() -> Call[Readiness]:
-    """GET /health/ready. Never repeated: who asks whether it is ready wants to hear a no."""
+    """GET /health/ready. Never repeated: "not ready" is an answer that the caller wants at once."""
     return Call("/health/ready", parsing.readiness, retried=False)
 
 
-def _number(name: str, value: object) -> str:
-    # float() first: the repr of a NumPy scalar is not a number. repr then keeps every digit.
+def number(name: str, value: object) -> float:
+    """A number of Python or NumPy as a float; raises InvalidInputError for anything else."""
     try:
-        return repr(float(value))  # type: ignore[arg-type] # what is no number raises, and is named below
+        return float(value)  # type: ignore[arg-type] # anything but a number raises, and is named below
     except (TypeError, ValueError, OverflowError) as fault:
         raise refused(name, value, "a number") from fault
 
 
 def whole(name: str, value: object) -> str:
-    """An integer as text; raises InvalidInputError for what is none."""
+    """An integer as text; raises InvalidInputError for anything else."""
     if isinstance(value, bool):
         raise refused(name, value, "a whole number")
     try:
-        # index() takes the integers of Python and NumPy, and no float; str() takes none of thousands of digits.
-        return str(operator.index(value))  # type: ignore[arg-type] # what is no integer raises, and is named below
+        # index() accepts the integers of Python and NumPy but no float. str() refuses thousands of digits.
+        return str(operator.index(value))  # type: ignore[arg-type] # anything but an integer raises, and is named below
     except (TypeError, ValueError) as fault:
         raise refused(name, value, "a whole number") from fault
 
 
 def said(**values: Value | None) -> dict[str, Value]:
-    """Those that are not None."""
+    """The values that are not None."""
     return {name: value for name, value in values.items() if value is not None}
 
 
@@ -163,18 +161,18 @@ def _version_path(name: str, version: int) -> str:
 
 
 def checked_name(name: str, field: str = "name") -> str:
-    """The name of a model or an alias; raises InvalidInputError for what is none."""
-    # It becomes part of the address, where `..` or a slash would lead elsewhere.
+    """The name of a model or an alias; raises InvalidInputError for anything else."""
+    # The name becomes part of the address, where `..` or a slash would lead elsewhere.
     if not isinstance(name, str) or not NAME.fullmatch(name):
         raise refused(field, name, "1 to 63 of a-z, 0-9 and -, not starting with -")
     return name
 
 
 def refused(name: str, value: object, allowed: str) -> InvalidInputError:
-    """The error for a value that cannot even be sent."""
+    """The error for a value that the client refuses to send."""
     try:
         shown = repr(value)
-    except ValueError:  # an integer of thousands of digits
+    except ValueError:  # str() and repr() refuse an integer of thousands of digits
         shown = "a number too long to write"
     message = f"{name} is {shown}, allowed is {allowed}"
     fault = FieldFault(field=name, value=value, allowed=allowed, message=message)

@@ -1,9 +1,9 @@
-"""Reads a parsed JSON document member by member, naming the path of whatever does not fit. Knows no field of ours."""
+"""Reads a parsed JSON document, member by member. An error names the path of the member that does not fit."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, TypeVar
@@ -15,12 +15,13 @@ from rover_twin_client.answers import Array, Flags, Words
 from rover_twin_client.errors import UnexpectedAnswerError
 
 Scalar = TypeVar("Scalar", bound=np.generic)
-LONGEST_WORD = 40  # an array of words gives each of them the room of the longest one
+Value = TypeVar("Value")
+LONGEST_WORD = 40  # in an array every word takes the memory of the longest one
 
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """One value of a JSON document and where it stands; every reader raises UnexpectedAnswerError."""
+    """One value of a JSON document and its path. A method raises UnexpectedAnswerError when the value does not fit."""
 
     value: Any
     path: str = "answer"
@@ -32,15 +33,20 @@ class Node:
         return Node(self.value[key], f"{self.path}.{key}")
 
     def get(self, key: str) -> Node | None:
-        """The member `key` of an object, or None where it is missing or null."""
+        """The member `key` of an object, or None when it is missing or null."""
         return None if self._object().get(key) is None else self[key]
 
+    def optional(self, key: str, read: Callable[[Node], Value]) -> Value | None:
+        """What `read` makes of the member `key`, or None when the member is missing or null."""
+        member = self.get(key)
+        return None if member is None else read(member)
+
     def members(self) -> Iterator[tuple[str, Node]]:
-        """Each name and value of an object, in the order sent."""
+        """Each name and value of an object, in its own order."""
         return ((key, self[key]) for key in self._object())
 
     def items(self, length: int | None = None) -> Iterator[Node]:
-        """Each item of a list, in the order sent; `length` items where it is given."""
+        """Each item of a list, in its own order. With `length`, the list must have that many items."""
         if not isinstance(self.value, list):
             raise self._unfit("a list")
         if length is not None and len(self.value) != length:
@@ -78,22 +84,22 @@ class Node:
         return number
 
     def moment(self) -> datetime:
-        """A time with its zone."""
+        """A time with a time zone."""
         try:
             moment = datetime.fromisoformat(self.text())
         except ValueError as fault:
             raise self._unfit("a time") from fault
         if moment.tzinfo is None:
-            raise self._unfit("a time with its zone")
+            raise self._unfit("a time with a time zone")
         return moment
 
     def array(self, length: int | None = None) -> Array:
-        """A list of finite numbers as a read-only float64 array (N,), N being `length` where it is given."""
+        """A list of finite numbers as a read-only float64 array (N,). With `length`, N must be that."""
         try:
             numbers = np.asarray(self.value)
         except ValueError as ragged:
             raise self._unfit("a flat list of numbers") from ragged
-        # Strings of digits, booleans and nulls would all convert; only real numbers may pass.
+        # NumPy would also convert strings of digits, booleans and nulls; only numbers may pass.
         if numbers.ndim != 1 or numbers.size == 0 or numbers.dtype.kind not in "fiu":
             raise self._unfit("a flat list of numbers, at least one")
         if not np.isfinite(numbers).all():
@@ -103,17 +109,17 @@ class Node:
         return _read_only(numbers.astype(np.float64))
 
     def numbers(self, *shape: int, gaps: bool = False) -> Array:
-        """Finite numbers in lists of this shape as a read-only float64 array; with `gaps`, null becomes NaN."""
+        """Nested lists of finite numbers as a read-only float64 array of this shape; with `gaps`, null becomes NaN."""
         cells = self._cells(*shape)
         numbers = [math.nan if gaps and cell.value is None else cell.number() for cell in cells]
         return _read_only(np.array(numbers, dtype=np.float64).reshape(shape))
 
     def flags(self, *shape: int) -> Flags:
-        """True and false in lists of this shape as a read-only array."""
+        """Nested lists of true and false as a read-only array of this shape."""
         return _read_only(np.array([cell.flag() for cell in self._cells(*shape)], dtype=np.bool_).reshape(shape))
 
     def words(self, *shape: int) -> Words:
-        """Short strings in lists of this shape as a read-only array."""
+        """Nested lists of short strings as a read-only array of this shape."""
         return _read_only(np.array([cell.word() for cell in self._cells(*shape)], dtype=np.str_).reshape(shape))
 
     def word(self) -> str:
@@ -123,7 +129,7 @@ class Node:
         return self.text()
 
     def _cells(self, *shape: int) -> Iterator[Node]:
-        """The innermost items of lists of this shape, the last index fastest."""
+        """The innermost items of nested lists of this shape; the last index varies fastest."""
         if not shape:
             yield self
             return

@@ -1,9 +1,9 @@
-"""From the service's JSON documents to the values of `answers`. Members that are not known here are ignored."""
+"""Turns the JSON documents of the service into the values of `answers`. Unknown members are ignored."""
 
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 from rover_twin_client.answers import (
     Band,
@@ -28,13 +28,12 @@ from rover_twin_client.errors import UnexpectedAnswerError
 
 
 def prediction(answer: Node) -> Prediction:
-    """The answer of /v1/predictions; positions are in metres and times in seconds, as sent."""
+    """The answer of /v1/predictions; positions in metres, times in seconds."""
     frame = _frame(answer["frame"])
     trajectory = answer["trajectory"]
     time_s = trajectory["time_s"].array()
     across = "y_m" if frame == "slope" else "z_m"
     positions = {name: trajectory[name].array(time_s.size) for name in ("x_m", across)}
-    prior, band = answer.get("prior"), answer.get("band")
     return Prediction(
         model=_identity(answer["model"]),
         scenario=_scenario(answer["scenario"]),
@@ -43,22 +42,22 @@ def prediction(answer: Node) -> Prediction:
         x_m=positions["x_m"],
         y_m=positions.get("y_m"),
         z_m=positions.get("z_m"),
-        prior=None if prior is None else _prior(prior, across, time_s.size),
+        prior=answer.optional("prior", lambda prior: _prior(prior, across, time_s.size)),
         domain=_domain(answer["domain"]),
         summary=_summary(answer["summary"]),
-        band=None if band is None else _band(band, time_s.size),
+        band=answer.optional("band", lambda band: _band(band, time_s.size)),
     )
 
 
 def mobility(answer: Node) -> MobilityMap:
-    """The answer of /v1/mobility: every table must have a row for each torque and a column for each slope."""
+    """The answer of /v1/mobility. Every table must have a row for each torque and a column for each slope."""
     torque_nm, slope_deg = answer["torque_nm"].array(), answer["slope_deg"].array()
     shape = torque_nm.size, slope_deg.size
     return MobilityMap(
         model=_identity(answer["model"]),
         mass_kg=answer["mass_kg"].number(),
         horizon_s=answer["horizon_s"].number(),
-        confidence=_optional_number(answer, "confidence"),
+        confidence=answer.optional("confidence", Node.number),
         steepest_by=answer["steepest_by"].text(),
         torque_nm=torque_nm,
         slope_deg=slope_deg,
@@ -84,12 +83,11 @@ def models(answer: Node) -> list[ModelInfo]:
 
 def model(answer: Node) -> ModelInfo:
     """The answer of /v1/models/{name}."""
-    description = answer.get("description")
     return ModelInfo(
         name=answer["name"].text(),
         versions=tuple(sorted(version.whole() for version in answer["versions"].items())),
         aliases=MappingProxyType({alias: v.whole() for alias, v in answer["aliases"].members()}),
-        description=None if description is None else description.text(),
+        description=answer.optional("description", Node.text),
     )
 
 
@@ -108,15 +106,14 @@ def readiness(answer: Node) -> Readiness:
 
 
 def _frame(node: Node) -> Frame:
-    if node.text() not in ("slope", "world"):
-        raise UnexpectedAnswerError(f"{node.path} is {node.value!r}, expected slope or world")
+    if node.text() not in get_args(Frame):
+        raise UnexpectedAnswerError(f"{node.path} is {node.value!r}, expected {' or '.join(get_args(Frame))}")
     return cast("Frame", node.value)
 
 
 def _identity(node: Node) -> ModelIdentity:
-    alias = node.get("alias")
     return ModelIdentity(
-        name=node["name"].text(), version=node["version"].whole(), alias=None if alias is None else alias.text()
+        name=node["name"].text(), version=node["version"].whole(), alias=node.optional("alias", Node.text)
     )
 
 
@@ -154,7 +151,7 @@ def _domain(node: Node) -> Domain:
     return Domain(
         inside=node["inside"].flag(),
         reasons=tuple(_reason(item) for item in node["reasons"].items()),
-        distance=_optional_number(node, "distance"),
+        distance=node.optional("distance", Node.number),
         nearest_runs=() if nearest is None else tuple(_nearest_run(item) for item in nearest.items()),
     )
 
@@ -165,7 +162,7 @@ def _nearest_run(node: Node) -> NearestRun:
         slope_deg=node["slope_deg"].number(),
         mass_kg=node["mass_kg"].number(),
         torque_nm=node["torque_nm"].number(),
-        left_out_final_error_m=_optional_number(node, "left_out_final_error_m"),
+        left_out_final_error_m=node.optional("left_out_final_error_m", Node.number),
         distance=node["distance"].number(),
     )
 
@@ -174,8 +171,8 @@ def _reason(node: Node) -> DomainReason:
     return DomainReason(
         field=node["field"].text(),
         value=node["value"].number(),
-        lowest=_optional_number(node, "lowest"),
-        highest=_optional_number(node, "highest"),
+        lowest=node.optional("lowest", Node.number),
+        highest=node.optional("highest", Node.number),
         detail=node["detail"].text(),
     )
 
@@ -187,7 +184,7 @@ def _summary(node: Node) -> Summary:
         final_y_m=node["final_y_m"].number(),
         distance_m=node["distance_m"].number(),
         mean_speed_m_s=node["mean_speed_m_s"].number(),
-        slip_ratio=_optional_number(node, "slip_ratio"),
+        slip_ratio=node.optional("slip_ratio", Node.number),
     )
 
 
@@ -202,13 +199,8 @@ def _suggested_run(node: Node) -> SuggestedRun:
         horizon_s=node["horizon_s"].number(),
         step_s=node["step_s"].number(),
         reason=SuggestionReason(
-            expected_error_m=_optional_number(reason, "expected_error_m"),
+            expected_error_m=reason.optional("expected_error_m", Node.number),
             distance=reason["distance"].number(),
             nearest_run=reason["nearest_run"].text(),
         ),
     )
-
-
-def _optional_number(node: Node, key: str) -> float | None:
-    member = node.get(key)
-    return None if member is None else member.number()

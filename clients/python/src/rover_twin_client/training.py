@@ -1,6 +1,6 @@
-"""What the service answers about datasets, training jobs and aliases, as values. Times are aware, in UTC.
+"""The values that the service answers about datasets, training jobs and aliases. Times are in UTC, with their zone.
 
-Members that the service keeps as free JSON (ranges, metrics, passports) stay plain mappings here.
+Members that are free JSON in the service (ranges, metrics, passports) are plain mappings here.
 """
 
 from __future__ import annotations
@@ -8,18 +8,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
-JobState: TypeAlias = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+EndedState: TypeAlias = Literal["succeeded", "failed", "cancelled"]
+JobState: TypeAlias = Literal["queued", "running", EndedState]
 Promotion: TypeAlias = Literal["never", "if_better"]
 PreviewFormat: TypeAlias = Literal["svg", "png"]
 
-ENDED = frozenset({"succeeded", "failed", "cancelled"})
+ENDED = frozenset(get_args(EndedState))
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing found in an upload. `severity` is `reject` (its run is kept out) or `warn`; rows count from 1."""
+    """One finding about an upload. `severity` is `reject` (the run is not stored) or `warn`. Rows count from 1."""
 
     file: str
     row: int | None
@@ -31,9 +32,10 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class UploadReport:
-    """What was accepted and what was not. `findings` may be the first 1000 of `findings_count`, rejections first.
+    """Which runs of an upload were accepted, and which were not.
 
-    `summary` has runs, rows, ranges, sampling and columns of what was accepted; None when nothing was.
+    `findings` lists rejections first, and at most 1000 of all `findings_count`. `summary` has the runs, rows, ranges,
+    sampling and columns of the accepted runs. It is None when no run was accepted.
     """
 
     accepted: tuple[str, ...]
@@ -45,9 +47,10 @@ class UploadReport:
 
 @dataclass(frozen=True, slots=True)
 class Upload:
-    """What became of an upload. The same runs have the same `id`, however they came.
+    """The result of an upload. The same runs always have the same `id`, in any file format.
 
-    `created`: this upload stored it. `stored`: the store has it, by this upload or an earlier one.
+    `created` means that this upload stored the dataset. `stored` means that the store has it, from this upload or from
+    an earlier one.
     """
 
     id: str
@@ -60,7 +63,7 @@ class Upload:
 
 @dataclass(frozen=True, slots=True)
 class DatasetInfo:
-    """A dataset in a list. `unreadable` says why a damaged one shows nothing more, and is None when all is well."""
+    """A dataset in a list. `unreadable` is None, or the reason why the service cannot describe a damaged dataset."""
 
     id: str
     name: str
@@ -73,9 +76,10 @@ class DatasetInfo:
 
 @dataclass(frozen=True, slots=True)
 class Dataset(DatasetInfo):
-    """Everything about one dataset: `passport` (what was simulated), `source` (the files it was made from).
+    """One dataset. `passport` says what was simulated, `source` which files it was made from.
 
-    `versions` and `jobs` name what keeps it from being deleted; `jobs` is None when the service cannot tell now.
+    The dataset cannot be deleted while `versions` or `jobs` name a user. `jobs` is None when the service cannot tell
+    now.
     """
 
     passport: Mapping[str, Any]
@@ -86,7 +90,7 @@ class Dataset(DatasetInfo):
 
 @dataclass(frozen=True, slots=True)
 class JobProgress:
-    """Where a running job stands. `fraction` is 0 to 1; errors are rms distances in metres, None where unknown."""
+    """The progress of a running job. `fraction` is 0 to 1. Errors are rms distances in metres, or None when unknown."""
 
     phase: str
     fraction: float
@@ -99,9 +103,9 @@ class JobProgress:
 
 @dataclass(frozen=True, slots=True)
 class JobResult:
-    """The version that a job made. `comparison` is how it compares with the champion it met (see its `sentence`).
+    """The version that a job made. `comparison` compares it with the champion; its `sentence` is for people.
 
-    `promoted` says whether champion moved to it; `moves` lists every alias that moved.
+    `promoted` says whether the alias champion moved to this version. `moves` lists every alias that moved.
     """
 
     model: str
@@ -123,7 +127,10 @@ class JobFailure:
 
 @dataclass(frozen=True, slots=True)
 class TrainingJob:
-    """One training job. `request` is what was asked, defaults filled in; `attempts` counts workers that took it up."""
+    """One training job. `request` is what the caller asked for, with the defaults of the service.
+
+    `attempts` counts how often a worker started the job.
+    """
 
     id: str
     state: JobState
@@ -139,16 +146,16 @@ class TrainingJob:
 
     @property
     def ended(self) -> bool:
-        """Whether it succeeded, failed or was cancelled: nothing changes any more."""
+        """Whether the job succeeded, failed or was cancelled. It does not change any more."""
         return self.state in ENDED
 
 
 @dataclass(frozen=True, slots=True)
 class JobEvent:
-    """One thing that happened to a job; numbers rise and never change. `kind` is state, progress or log.
+    """One event of a job. `number` rises from event to event and never changes. `kind` is state, progress or log.
 
-    `data` of a state has `state` and, at the end, `result` or `failure`; of a log `message`; of a progress the
-    fields of JobProgress.
+    A state has `state` in its `data`, and the last one also `result` or `failure`. A log has `message`. A progress has
+    the fields of JobProgress.
     """
 
     number: int
@@ -158,13 +165,13 @@ class JobEvent:
 
     @property
     def is_last(self) -> bool:
-        """Whether nothing comes after it."""
+        """Whether this is the last event of the job."""
         return self.kind == "state" and self.data.get("state") in ENDED
 
 
 @dataclass(frozen=True, slots=True)
 class Alias:
-    """Where an alias points, and the record of how it got there."""
+    """The version that an alias points to, and who moved it there, when and why. `seq` counts its moves."""
 
     version: int
     seq: int
@@ -174,5 +181,5 @@ class Alias:
 
     @property
     def etag(self) -> str:
-        """The tag of this record: what `move_alias` and `rollback_alias` take as `expected`."""
+        """The tag of this move; `move_alias` and `rollback_alias` accept it as `expected`."""
         return f'"{self.seq}"'

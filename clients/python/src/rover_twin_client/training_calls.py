@@ -1,4 +1,4 @@
-"""The operator's questions: uploads, training jobs, aliases. Each builds a `Call` that needs the token. No I/O."""
+"""Builds the operator's calls: datasets, training jobs, aliases. Both clients send these calls. No I/O."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from typing import Any
 from urllib.parse import quote
 
 from rover_twin_client import training_parsing as parsing
-from rover_twin_client.calls import Call, checked_name, refused, said, whole
+from rover_twin_client.calls import Call, checked_name, number, refused, said, whole
 from rover_twin_client.training import Alias, Dataset, DatasetInfo, TrainingJob, Upload
 
 DATASETS = "/v1/admin/datasets"
 JOBS = "/v1/admin/training-jobs"
 PAGE = 200
-# The service imports a gigabyte of text in minutes, and answers when it is done.
+# The service needs minutes for a gigabyte of text, and answers only at the end.
 UPLOAD_S = 900.0
 _KEY = re.compile(r"[\x21\x23-\x5b\x5d-\x7e]{1,255}")
 
 
 def upload(fields: Mapping[str, str], *, retried: bool) -> Call[Upload]:
-    """POST /v1/admin/datasets. The same content again is the same dataset, so repeating it is harmless."""
+    """POST /v1/admin/datasets. Harmless to repeat: the same content is the same dataset."""
     return Call(
         DATASETS, parsing.upload, method="POST", form=fields, statuses=(200, 201), read_s=UPLOAD_S, retried=retried,
         token=True,
@@ -43,10 +43,10 @@ def upload_fields(
     strict: bool,
     dry_run: bool,
 ) -> dict[str, str]:
-    """The fields beside the file, as a form carries them; what is None is left to the service."""
+    """The fields of the form beside the file. The service has a default for every None."""
     fields: dict[str, str] = said(name=name, description=description, set_name=set_name)
     numbers = said(slope_deg=slope_deg, mass_kg=mass_kg, torque_nm=torque_nm, horizon_s=horizon_s)
-    fields |= {field: repr(_number(field, value)) for field, value in numbers.items()}
+    fields |= {field: repr(_finite(field, value)) for field, value in numbers.items()}
     if column_map is not None:
         fields["column_map"] = column_map if isinstance(column_map, str) else _json("column_map", column_map)
     if passport is not None:
@@ -71,7 +71,7 @@ def preview(reference: str, form: str) -> Call[bytes]:
 
 
 def download(reference: str) -> Call[bytes]:
-    """GET /v1/admin/datasets/{dataset}/download; the clients write its body to a file as it comes."""
+    """GET /v1/admin/datasets/{dataset}/download. The clients write its body to a file while they receive it."""
     path = f"{_path(DATASETS, 'dataset', reference)}/download"
     return Call(path, parsing.content, is_document=False, token=True)
 
@@ -83,7 +83,7 @@ def delete_dataset(identity: str) -> Call[None]:
 
 
 def start(request: Mapping[str, Any], key: str) -> Call[TrainingJob]:
-    """POST /v1/admin/training-jobs. With the key the same request is the same job, however often it is sent."""
+    """POST /v1/admin/training-jobs. Harmless to repeat: the same request with the same key is the same job."""
     if not isinstance(key, str) or not _KEY.fullmatch(key):
         raise refused("idempotency_key", key, "1 to 255 visible ASCII characters without quotes and backslashes")
     headers = {"Idempotency-Key": f'"{key}"'}
@@ -103,20 +103,20 @@ def job_request(
     inputs: Iterable[str] | None,
     **others: str | None,
 ) -> dict[str, Any]:
-    """The body of a request for a training job; what is None is left to the service's defaults."""
+    """The body of a request for a training job. The service has a default for every None."""
     asked: dict[str, Any] = {
         "model": model,
         "datasets": [datasets] if isinstance(datasets, str) else list(datasets),
         **said(**others),
     }
-    split: dict[str, Any] = {name: _number(name, value) for name, value in said(test_fraction=test_fraction).items()}
-    slopes = [_number("test_slopes_deg", slope) for slope in test_slopes_deg]
+    split: dict[str, Any] = {name: _finite(name, value) for name, value in said(test_fraction=test_fraction).items()}
+    slopes = [_finite("test_slopes_deg", slope) for slope in test_slopes_deg]
     if slopes:
         split["test_slopes_deg"] = slopes
-    budget: dict[str, Any] = {name: _number(name, value) for name, value in said(max_minutes=max_minutes).items()}
+    budget: dict[str, Any] = {name: _finite(name, value) for name, value in said(max_minutes=max_minutes).items()}
     budget |= {name: int(whole(name, value)) for name, value in said(max_epochs=max_epochs).items()}
     asked |= {name: int(whole(name, value)) for name, value in said(seed=seed).items()}
-    asked |= {name: _number(name, value) for name, value in said(margin=margin).items()}
+    asked |= {name: _finite(name, value) for name, value in said(margin=margin).items()}
     asked |= {name: list(value) for name, value in said(inputs=inputs).items()}
     return asked | {name: part for name, part in (("split", split), ("budget", budget)) if part}
 
@@ -139,7 +139,7 @@ def cancel(job_id: str) -> Call[TrainingJob]:
 
 
 def events_path(job_id: str) -> str:
-    """Where the events of a job are."""
+    """The path of /v1/admin/training-jobs/{id}/events."""
     return f"{_path(JOBS, 'job_id', job_id)}/events"
 
 
@@ -184,24 +184,20 @@ def _alias_path(name: str, alias: str) -> str:
 
 
 def _path(collection: str, field: str, reference: str) -> str:
-    # It becomes one part of the address; names of datasets may have dots, and `..` would lead elsewhere.
+    # The reference becomes part of the address. Names of datasets may have dots, but `..` would lead elsewhere.
     if not isinstance(reference, str) or not reference.strip(".") or len(reference) > 200:
         raise refused(field, reference, "an id or a name, at most 200 characters")
     return f"{collection}/{quote(reference, safe='')}"
 
 
-def _number(name: str, value: object) -> float:
-    try:
-        number = float(value)  # type: ignore[arg-type] # what is no number raises, and is named below
-    except (TypeError, ValueError, OverflowError) as fault:
-        raise refused(name, value, "a number") from fault
-    if not math.isfinite(number):
+def _finite(name: str, value: object) -> float:
+    if not math.isfinite(found := number(name, value)):
         raise refused(name, value, "a finite number")
-    return number
+    return found
 
 
 def _json(name: str, value: Mapping[str, object]) -> str:
     try:
         return json.dumps(dict(value), allow_nan=False)
     except (TypeError, ValueError) as fault:
-        raise refused(name, value, "what JSON can say") from fault
+        raise refused(name, value, "a mapping that JSON can hold") from fault

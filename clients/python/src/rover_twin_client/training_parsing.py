@@ -1,15 +1,14 @@
-"""From the service's JSON documents to the values of `training`. Members that are not known here are ignored."""
+"""Turns the JSON documents of the service into the values of `training`. Unknown members are ignored."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, TypeVar, cast
+from typing import Any, cast, get_args
 
 from rover_twin_client.document import Node
 from rover_twin_client.errors import UnexpectedAnswerError
 from rover_twin_client.training import (
-    ENDED,
     Alias,
     Dataset,
     DatasetInfo,
@@ -24,15 +23,12 @@ from rover_twin_client.training import (
     UploadReport,
 )
 
-Value = TypeVar("Value")
-_STATES = ENDED | {"queued", "running"}
-
 
 def upload(answer: Node) -> Upload:
     """The answer of POST /v1/admin/datasets."""
     return Upload(
         id=answer["id"].text(),
-        name=_optional(answer, "name", Node.text),
+        name=answer.optional("name", Node.text),
         created=answer["created"].flag(),
         stored=answer["stored"].flag(),
         dry_run=answer["dry_run"].flag(),
@@ -41,13 +37,13 @@ def upload(answer: Node) -> Upload:
 
 
 def report(node: Node) -> UploadReport:
-    """What an upload was found to hold."""
+    """What the service found in an upload."""
     return UploadReport(
         accepted=_texts(node["accepted"]),
         rejected=_texts(node["rejected"]),
         findings=tuple(_finding(item) for item in node["findings"].items()),
         findings_count=node["findings_count"].whole(),
-        summary=_optional(node, "summary", _members),
+        summary=node.optional("summary", _members),
     )
 
 
@@ -64,7 +60,7 @@ def dataset(answer: Node) -> Dataset:
         passport=_members(answer["passport"]),
         source=_members(answer["source"]),
         versions=_texts(users["versions"]),
-        jobs=_optional(users, "jobs", _texts),
+        jobs=users.optional("jobs", _texts),
     )
 
 
@@ -81,12 +77,12 @@ def job(answer: Node) -> TrainingJob:
         request=_members(answer["request"]),
         actor=answer["actor"].text(),
         created_at=answer["created_at"].moment(),
-        started_at=_optional(answer, "started_at", Node.moment),
-        finished_at=_optional(answer, "finished_at", Node.moment),
+        started_at=answer.optional("started_at", Node.moment),
+        finished_at=answer.optional("finished_at", Node.moment),
         attempts=answer["attempts"].whole(),
-        progress=_optional(answer, "progress", _progress),
-        result=_optional(answer, "result", _result),
-        failure=_optional(answer, "failure", _failure),
+        progress=answer.optional("progress", _progress),
+        result=answer.optional("result", _result),
+        failure=answer.optional("failure", _failure),
     )
 
 
@@ -113,7 +109,7 @@ def aliases(answer: Node) -> list[Alias]:
 
 
 def content(answer: Node) -> bytes:
-    """The body as it came."""
+    """The body of the answer, unchanged."""
     body: bytes = answer.value
     return body
 
@@ -127,18 +123,18 @@ def _info(node: Node) -> dict[str, Any]:
         "id": node["id"].text(),
         "name": node["name"].text(),
         "description": node["description"].text(),
-        "created_at": _optional(node, "created_at", Node.moment),
+        "created_at": node.optional("created_at", Node.moment),
         "created_by": node["created_by"].text(),
         "summary": _members(node["summary"]),
-        "unreadable": _optional(node, "unreadable", Node.text),
+        "unreadable": node.optional("unreadable", Node.text),
     }
 
 
 def _finding(node: Node) -> Finding:
     return Finding(
         file=node["file"].text(),
-        row=_optional(node, "row", Node.whole),
-        column=_optional(node, "column", Node.text),
+        row=node.optional("row", Node.whole),
+        column=node.optional("column", Node.text),
         code=node["code"].text(),
         severity=node["severity"].text(),
         message=node["message"].text(),
@@ -149,11 +145,11 @@ def _progress(node: Node) -> JobProgress:
     return JobProgress(
         phase=node["phase"].text(),
         fraction=node["fraction"].number(),
-        epoch=_optional(node, "epoch", Node.whole),
-        epochs=_optional(node, "epochs", Node.whole),
-        train_error_m=_optional(node, "train_error_m", Node.number),
-        validation_error_m=_optional(node, "validation_error_m", Node.number),
-        eta_s=_optional(node, "eta_s", Node.number),
+        epoch=node.optional("epoch", Node.whole),
+        epochs=node.optional("epochs", Node.whole),
+        train_error_m=node.optional("train_error_m", Node.number),
+        validation_error_m=node.optional("validation_error_m", Node.number),
+        eta_s=node.optional("eta_s", Node.number),
     )
 
 
@@ -163,7 +159,7 @@ def _result(node: Node) -> JobResult:
         version=node["version"].whole(),
         promoted=node["promoted"].flag(),
         metrics=_members(node["metrics"]),
-        comparison=_optional(node, "comparison", _members),
+        comparison=node.optional("comparison", _members),
         moves=tuple(_members(item) for item in node["moves"].items()),
     )
 
@@ -173,8 +169,8 @@ def _failure(node: Node) -> JobFailure:
 
 
 def _state(node: Node) -> JobState:
-    if node.text() not in _STATES:
-        raise UnexpectedAnswerError(f"{node.path} is {node.value!r}, expected one of {', '.join(sorted(_STATES))}")
+    if node.text() not in get_args(JobState):
+        raise UnexpectedAnswerError(f"{node.path} is {node.value!r}, expected one of {', '.join(get_args(JobState))}")
     return cast("JobState", node.value)
 
 
@@ -184,8 +180,3 @@ def _members(node: Node) -> Mapping[str, Any]:
 
 def _texts(node: Node) -> tuple[str, ...]:
     return tuple(item.text() for item in node.items())
-
-
-def _optional(node: Node, key: str, read: Callable[[Node], Value]) -> Value | None:
-    member = node.get(key)
-    return None if member is None else read(member)
