@@ -7,8 +7,8 @@ usage() {
     cat <<'EOF'
 usage: predict.sh [--csv] SLOPE_DEG MASS_KG TORQUE_NM [HORIZON_S]
 
-Asks a rover-twin service where the rover goes: slope in degrees (positive uphill), mass in kg, motor stall
-torque per wheel in N m, and for how many seconds (10 without it).
+Asks a rover-twin service where the rover goes. Slope in degrees (positive uphill), mass in kg, motor stall
+torque per wheel in N m, horizon in seconds (by default 10).
 
   --csv     columns time_s,x_m,y_m in seconds and metres, instead of JSON
   --help    this text
@@ -26,7 +26,7 @@ complain() { # MESSAGE EXIT
     exit "$2"
 }
 
-reason() { # FILE: the problem's "detail" on one line, or the first line of what is no problem
+reason() { # FILE: the problem's "detail" on one line, or the first line of another answer
     found=$(tr -d '\r\n' <"$1" | sed -n 's/.*"detail" *: *"\(\([^"\\]\|\\.\)*\)".*/\1/p' | sed 's/\\\(["\\/]\)/\1/g')
     if [ -n "$found" ]; then printf '%s' "$found"; else head -c 200 "$1" | head -n 1; fi
 }

@@ -1,7 +1,7 @@
-"""What the service answers, as values: frozen dataclasses whose arrays are read-only, numbers float64.
+"""The values that the service answers, as frozen dataclasses. Arrays are read-only, and numbers in them float64.
 
-Frames: in `slope`, x runs along the slope (positive uphill) and y normal to it; in `world`, x is horizontal and z up.
-A trajectory therefore has `y_m` in the slope frame and `z_m` in the world frame; the other one is None.
+In the frame `slope`, x runs along the slope, positive uphill, and y is normal to it. In the frame `world`, x is
+horizontal and z is up. So a trajectory has `y_m` in the slope frame and `z_m` in the world frame; the other is None.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Words: TypeAlias = NDArray[np.str_]
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """The question as the service understood it, defaults filled in. Torque is motor stall torque per wheel."""
+    """The scenario that the service predicted, with its defaults. The torque is the motor stall torque per wheel."""
 
     slope_deg: float
     mass_kg: float
@@ -31,7 +31,7 @@ class Scenario:
 
 @dataclass(frozen=True, slots=True)
 class ModelIdentity:
-    """Which version answered, and the alias it was asked by (None when asked by number)."""
+    """The version that answered, and the alias that the caller asked for (None when it asked for a number)."""
 
     name: str
     version: int
@@ -43,9 +43,9 @@ class ModelIdentity:
 
 @dataclass(frozen=True, slots=True)
 class DomainReason:
-    """One input that lies outside the validated region, with the region's bounds in the input's own unit.
+    """One input that lies outside the validated region, with the bounds of the region in the unit of the input.
 
-    The field `joint` stands for all of them together: its value is the scaled distance to the nearest training run.
+    The field `joint` stands for all inputs together. Its value is the scaled distance to the nearest training run.
     """
 
     field: str
@@ -57,9 +57,10 @@ class DomainReason:
 
 @dataclass(frozen=True, slots=True)
 class NearestRun:
-    """A training run, its scaled distance to the scenario, and how far off its end was predicted without it (m).
+    """A training run near the scenario, and its scaled distance to the scenario.
 
-    The error is None where it was not measured.
+    `left_out_final_error_m` is the error of its final position when the model was trained without this run, or None
+    when that was not measured.
     """
 
     run: str
@@ -72,10 +73,10 @@ class NearestRun:
 
 @dataclass(frozen=True, slots=True)
 class Domain:
-    """Whether the scenario lies where the model was validated; `reasons` is empty when inside.
+    """Whether the scenario lies inside the region where the model was validated; if not, `reasons` says why.
 
-    `distance` is that to the nearest training run, scaled by the spread of the runs. It is None, and `nearest_runs`
-    empty, for versions and services that do not tell.
+    `distance` is the distance to the nearest training run, scaled by the spread of the runs. For a version or a service
+    that does not list its runs, `distance` is None and `nearest_runs` is empty.
     """
 
     inside: bool
@@ -86,10 +87,10 @@ class Domain:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """The trajectory in a few numbers. `outcome` is climbs, stalls or slides.
+    """A summary of the trajectory. `outcome` is climbs, stalls or slides.
 
-    The last coordinates are in the slope frame, whatever the prediction's own frame.
-    `slip_ratio` is None where the wheels stand still or the model does not know how they turn.
+    The final coordinates are always in the slope frame. `slip_ratio` is None when the wheels stand still, or when the
+    model does not know how they turn.
     """
 
     outcome: str
@@ -102,7 +103,7 @@ class Summary:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """The closed-form trajectory without the learned correction, at the prediction's own times; arrays (N,)."""
+    """The closed-form trajectory, without the learned correction, at the times of the prediction; arrays (N,)."""
 
     name: str
     x_m: Array
@@ -112,9 +113,10 @@ class Prior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
-    """Bounds of x and y at the prediction's own times, slope frame; arrays (N,), m.
+    """Lower and upper bounds of x and y in the slope frame, at the times of the prediction; arrays (N,), in metres.
 
-    For runs like those the model was trained on, a share of `level` of all times lies inside.
+    `level` is the pointwise coverage: for runs like the training runs, the true position lies inside at this share of
+    all times.
     """
 
     level: float
@@ -126,9 +128,9 @@ class Band:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """Where the rover goes: positions in metres at `time_s` in seconds, arrays (N,), the horizon last.
+    """Where the rover goes: positions in metres at the times `time_s` in seconds; arrays (N,).
 
-    `prior` and `band` are there when asked for with `include=["prior", "band"]`.
+    The last time is the horizon. `prior` and `band` are None unless the call had `include=["prior", "band"]`.
     """
 
     model: ModelIdentity
@@ -146,14 +148,14 @@ class Prediction:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MobilityMap:
-    """Outcome, speed and slip over slope x torque for one mass. A table has a row for each torque (T) and a column
-    for each slope (S).
+    """Outcome, speed and slip of one mass. A table has a row for each torque (T) and a column for each slope (S).
 
-    `outcome` is climbs, stalls or slides; `mean_speed_m_s` runs along the slope, negative downhill. `slip_ratio` is
-    NaN where the wheels stand still or the model does not know how they turn. `steepest_climb_slope_deg` is, for each
-    torque, the slope up to which every slope of the map is climbed: never above the map's steepest, NaN when not even
-    its lowest is climbed. `steepest_by` says how that was judged: `band`, with `confidence`, or `central_estimate`,
-    by a version without a band (`confidence` is then None).
+    `outcome` is climbs, stalls or slides. `mean_speed_m_s` is the speed along the slope, negative downhill.
+    `slip_ratio` is NaN when the wheels stand still, or when the model does not know how they turn.
+
+    `steepest_climb_slope_deg` has one slope for each torque: the rover climbs every slope of the map up to this one. It
+    is NaN when the rover does not even climb the lowest slope. `steepest_by` says how this was judged: by the
+    `band`, with `confidence`, or by the `central_estimate` of a version without a band (`confidence` is None).
     """
 
     model: ModelIdentity
@@ -172,9 +174,10 @@ class MobilityMap:
 
 @dataclass(frozen=True, slots=True)
 class SuggestionReason:
-    """Why a scenario is worth a simulation: the error to expect of its final position (m), and the nearest run.
+    """Why a scenario is worth a simulation: the expected error of its final position, and the nearest training run.
 
-    The error is None where no run of the version has a left-out error. `distance` is scaled by the spread of the runs.
+    `expected_error_m` is None when no run of the version has a left-out error. `distance` is the distance to the
+    nearest run, scaled by the spread of the runs.
     """
 
     expected_error_m: float | None
@@ -184,7 +187,7 @@ class SuggestionReason:
 
 @dataclass(frozen=True, slots=True)
 class SuggestedRun:
-    """A scenario to simulate, as a row of a dataset's `runs.csv`: its file holds a row every `step_s`."""
+    """A scenario to simulate, as a row of `runs.csv` in a dataset. Its file has one row every `step_s` seconds."""
 
     file: str
     set: str
@@ -198,7 +201,7 @@ class SuggestedRun:
 
 @dataclass(frozen=True, slots=True)
 class SuggestedRuns:
-    """What to simulate to make the next version better than `model`, the most useful scenario first."""
+    """Scenarios whose simulation makes the next version better than `model`; the most useful one is first."""
 
     model: ModelIdentity
     runs: tuple[SuggestedRun, ...]
@@ -206,7 +209,7 @@ class SuggestedRuns:
 
 @dataclass(frozen=True, slots=True)
 class ModelInfo:
-    """A model, its published versions in rising order, and the version behind each alias."""
+    """A model: its published versions in rising order, and the version of each alias."""
 
     name: str
     versions: tuple[int, ...]
@@ -216,7 +219,7 @@ class ModelInfo:
 
 @dataclass(frozen=True, slots=True)
 class Readiness:
-    """The service can predict: `model` is the default it answers with, `failures` what it could not load."""
+    """The service can predict. `model` is the version that answers by default, `failures` what it could not load."""
 
     model: ModelIdentity
     failures: tuple[object, ...]

@@ -1,22 +1,22 @@
-"""Every error of the client. One `except RoverTwinError` catches all; each class also says what to do next.
+"""The errors of the client. `except RoverTwinError` catches them all.
 
     RoverTwinError
     ├── ConnectionFailedError     no connection, or it broke (also ConnectionError)
     ├── TimedOutError             connecting or reading took longer than allowed (also TimeoutError)
-    ├── UnexpectedAnswerError     an answer came that this client cannot read: another service, or a newer one
-    ├── RefusedError              4xx: the same question would be refused again
+    ├── UnexpectedAnswerError     this client cannot read the answer: another service, or a newer one
+    ├── RefusedError              4xx: the same request would be refused again
     │   ├── InvalidInputError     422: a value is out of range or of the wrong kind (also ValueError)
-    │   │   ├── OutsideDomainError    strict=True and the model was never validated there
-    │   │   └── DatasetRejectedError  nothing of an upload can be used: `report` says why
-    │   ├── NotAllowedError       401, 403: no token, a wrong one, or the service has none (also PermissionError)
+    │   │   ├── OutsideDomainError    the model was not validated there, and strict=True
+    │   │   └── DatasetRejectedError  an upload was refused: `report` says why
+    │   ├── NotAllowedError       401, 403: the token is missing or wrong, or the service has none (PermissionError)
     │   ├── NotFoundError         404: no such model, version, alias, dataset, job or address (also LookupError)
-    │   ├── ConflictError         409, 412, 428: not in the present state: in use, ended, or moved meanwhile
+    │   ├── ConflictError         409, 412, 428: the resource is in use, has ended, or has moved
     │   └── QueueFullError        429: too many jobs wait (`retry_after_s`)
-    ├── ServerError               5xx: the question was fine, the service failed
+    ├── ServerError               5xx: the service failed
     │   └── NotReadyError         503: try again later (`retry_after_s` when the service says how long)
-    └── TrainingFailedError       a job that was waited for failed or was cancelled: `job` says why
+    └── TrainingFailedError       `wait_for_job`: the job failed or was cancelled; `job` says why
 
-Every class carries `problem`, the service's own RFC 9457 answer, or None where no answer came.
+Every error has `problem`: the service's own RFC 9457 answer, or None when there was no answer.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PROBLEM_PREFIX = "urn:rover-twin:problem:"
 
 @dataclass(frozen=True, slots=True)
 class FieldFault:
-    """What is wrong with one input: its name, the value that was sent, what is allowed, and a sentence."""
+    """What is wrong with one input: its name, its value, what is allowed, and a message for people."""
 
     field: str
     value: object
@@ -42,7 +42,7 @@ class FieldFault:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """An RFC 9457 problem. `members` is the whole document, with members this client does not know."""
+    """An RFC 9457 problem. `members` is the whole document, including members that this client does not know."""
 
     type: str
     title: str
@@ -54,12 +54,12 @@ class Problem:
 
     @property
     def slug(self) -> str:
-        """The stable short name, such as `model-not-found`; the whole `type` for problems of other services."""
+        """The stable short name, such as `model-not-found`; the whole `type` for a problem of another service."""
         return self.type.removeprefix(PROBLEM_PREFIX)
 
 
 class RoverTwinError(Exception):
-    """Root of the client's errors."""
+    """The base class of every error of this client."""
 
     def __init__(self, message: str, problem: Problem | None = None) -> None:
         self.problem = problem
@@ -75,17 +75,17 @@ class TimedOutError(RoverTwinError, TimeoutError):
 
 
 class UnexpectedAnswerError(RoverTwinError):
-    """The answer is not one of this service's API: not JSON, a missing member, or arrays that do not fit."""
+    """The answer is not one of this API: it is not JSON, lacks a member, or has arrays of different lengths."""
 
 
 class RefusedError(RoverTwinError):
-    """The service refused the question (4xx); asking it again changes nothing."""
+    """The service refused the request (4xx). The same request would be refused again."""
 
 
 class InvalidInputError(RefusedError, ValueError):
-    """One or more inputs are out of range or of the wrong kind: `faults` names each field, value and range.
+    """One or more inputs are out of range or of the wrong kind. `faults` names each field, value and range.
 
-    `problem` is None when the input could not even be sent (a mass of "heavy").
+    `problem` is None when the client itself refused the input, such as a mass of "heavy".
     """
 
     def __init__(self, message: str, problem: Problem | None = None, faults: tuple[FieldFault, ...] = ()) -> None:
@@ -94,13 +94,13 @@ class InvalidInputError(RefusedError, ValueError):
 
 
 class OutsideDomainError(InvalidInputError):
-    """Asked with strict=True, outside the region where the model was validated."""
+    """The scenario is outside the region where the model was validated, and the call had strict=True."""
 
 
 class DatasetRejectedError(InvalidInputError):
-    """Nothing of an upload can be used, or `strict` was asked for and a run is unusable.
+    """No run of an upload can be used, or one run cannot and the call had strict=True.
 
-    `report` says what was found, by file, row and column; None when the answer has none that can be read.
+    `report` lists the findings by file, row and column. It is None when the answer has no readable report.
     """
 
     def __init__(self, message: str, problem: Problem | None = None, report: UploadReport | None = None) -> None:
@@ -117,11 +117,11 @@ class NotFoundError(RefusedError, LookupError):
 
 
 class ConflictError(RefusedError):
-    """Not in the present state: a dataset in use, a job that has ended, an alias that moved. Look, decide again."""
+    """The state of the resource does not allow this: a dataset is in use, a job has ended, an alias has moved."""
 
 
 class QueueFullError(RefusedError):
-    """As many training jobs wait as may wait; `retry_after_s` is when to try again, in seconds, or None."""
+    """Too many training jobs wait. `retry_after_s` is the time until the next try in seconds, or None."""
 
     def __init__(self, message: str, problem: Problem | None = None, retry_after_s: float | None = None) -> None:
         self.retry_after_s = retry_after_s
@@ -129,11 +129,11 @@ class QueueFullError(RefusedError):
 
 
 class ServerError(RoverTwinError):
-    """The service failed (5xx); the question may be fine."""
+    """The service failed (5xx). The request itself may be correct."""
 
 
 class NotReadyError(ServerError):
-    """The service cannot answer now (503). `retry_after_s` is its own estimate in seconds, or None."""
+    """The service cannot answer now (503). `retry_after_s` is its estimate of the wait in seconds, or None."""
 
     def __init__(self, message: str, problem: Problem | None = None, retry_after_s: float | None = None) -> None:
         self.retry_after_s = retry_after_s
@@ -141,7 +141,7 @@ class NotReadyError(ServerError):
 
 
 class TrainingFailedError(RoverTwinError):
-    """A training job that was waited for ended without a version: `job.state` is failed or cancelled."""
+    """The job that `wait_for_job` waited for made no version: `job.state` is failed or cancelled."""
 
     def __init__(self, message: str, job: TrainingJob) -> None:
         self.job = job

@@ -1,4 +1,4 @@
-"""From an HTTP status, headers and body to a JSON document or the error that names what went wrong. No I/O."""
+"""Turns an HTTP answer into a JSON document, or into the error that names what went wrong. No I/O."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from rover_twin_client.errors import (
 from rover_twin_client.training import UploadReport
 
 _CONFLICTS = (HTTPStatus.CONFLICT, HTTPStatus.PRECONDITION_FAILED, HTTPStatus.PRECONDITION_REQUIRED)
-SHOWN_CHARACTERS = 200  # of a body that is not ours: enough to recognise a proxy's page
+SHOWN_CHARACTERS = 200  # of a foreign body: enough to recognise the page of a proxy
 
 
 def document(
     status: int, headers: Mapping[str, str], content: bytes, statuses: Collection[int] = (HTTPStatus.OK,)
 ) -> Node:
-    """The JSON document of a successful answer; `headers` must compare names without case.
+    """The JSON document of a successful answer. `headers` must ignore the case of names.
 
-    Raises UnexpectedAnswerError for what is not JSON, and what `require` raises.
+    Raises UnexpectedAnswerError when the body is not JSON, and what `require` raises.
     """
     require(status, headers, content, statuses)
     try:
@@ -46,7 +46,7 @@ def document(
 
 
 def require(status: int, headers: Mapping[str, str], content: bytes, statuses: Collection[int]) -> None:
-    """Raises UnexpectedAnswerError for 1xx to 3xx other than `statuses`, and the named error for 4xx and 5xx."""
+    """Raises the named error for 4xx and 5xx, and UnexpectedAnswerError for any other status not in `statuses`."""
     if status >= HTTPStatus.BAD_REQUEST:
         raise failure(status, headers, content)
     if status not in statuses:
@@ -55,7 +55,7 @@ def require(status: int, headers: Mapping[str, str], content: bytes, statuses: C
 
 
 def failure(status: int, headers: Mapping[str, str], content: bytes) -> RoverTwinError:
-    """The error for a 4xx or 5xx answer, carrying its problem; bodies that are no problem get one made."""
+    """The error for a 4xx or 5xx answer, with its problem. A body that is not a problem becomes the `detail` of one."""
     problem = _problem(status, content)
     message = f"{problem.detail or problem.title} (HTTP {status}, {problem.slug})"
     if status == HTTPStatus.SERVICE_UNAVAILABLE:
@@ -80,7 +80,7 @@ def failure(status: int, headers: Mapping[str, str], content: bytes) -> RoverTwi
 
 
 def _problem(status: int, content: bytes) -> Problem:
-    """Read leniently: a half-readable explanation of a failure is worth more than a second failure."""
+    """Reads what it can: half an explanation of a failure is better than a second failure."""
     members = _members(content)
     faults = members.get("errors")
     return Problem(
@@ -127,7 +127,7 @@ def _phrase(status: int) -> str:
 
 
 def _retry_after_s(headers: Mapping[str, str]) -> float | None:
-    """Seconds of a Retry-After header; its date form needs both clocks to agree, so it counts as unsaid."""
+    """The seconds of a Retry-After header. A date is ignored, because the two clocks may differ."""
     value = headers.get("retry-after", "").strip()
     return float(value) if value.isascii() and value.isdigit() else None
 

@@ -1,4 +1,4 @@
-"""A file that appears whole or not at all."""
+"""Writes a file completely or not at all."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ _DIGEST = re.compile(r'"([0-9a-f]{64})"')
 
 @contextmanager
 def whole_file(path: Path, headers: Mapping[str, str]) -> Iterator[Callable[[bytes], None]]:
-    """Takes pieces of a body; at the end, when they have the digest of `headers`, they take the place of `path`.
+    """Gives a function that takes the pieces of a body. At the end the body becomes the file `path`.
 
-    Raises UnexpectedAnswerError when the digest is another one; then, as after any other failure, nothing is left.
+    Raises UnexpectedAnswerError when the body does not have the digest in `headers`. After a failure of any kind an
+    older file at `path` is unchanged, and nothing else is left.
     """
     digest = hashlib.sha256()
     with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as part:
@@ -42,4 +43,4 @@ def whole_file(path: Path, headers: Mapping[str, str]) -> Iterator[Callable[[byt
 def _require(digest: str, headers: Mapping[str, str], path: Path) -> None:
     told = _DIGEST.fullmatch(headers.get("etag", ""))
     if told and told[1] != digest:
-        raise UnexpectedAnswerError(f"what came for {path} has the digest {digest}, the service told {told[1]}")
+        raise UnexpectedAnswerError(f"the download of {path} is damaged: its SHA-256 digest is {digest}, not {told[1]}")
