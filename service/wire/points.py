@@ -20,16 +20,15 @@ def most_points(scenarios: int, max_points: int) -> int:
     return max(2, min(max_points, BATCH_FACTOR * max_points // max(scenarios, 1)))
 
 
-def points_limit(scenarios: int, max_points: int) -> str:
-    """The same in words."""
+def _limit(scenarios: int, max_points: int, what: str) -> str:
     most = most_points(scenarios, max_points)
-    return f"at most {most} points" + (f" for each of {scenarios} scenarios" if scenarios > 1 else "")
+    return f"at most {most} {what}" + (f" for each of {scenarios} scenarios" if scenarios > 1 else "")
 
 
 def require_few_times(times: int, scenarios: int, max_points: int) -> None:
     """Raises InvalidValueError for more times than `most_points`."""
     if times > most_points(scenarios, max_points):
-        raise InvalidValueError("times_s", f"{times} times", points_limit(scenarios, max_points))
+        raise InvalidValueError("times_s", f"{times} times", _limit(scenarios, max_points, "times"))
 
 
 def require_wide_step(horizon_s: float, dt_s: float, scenarios: int, max_points: int) -> None:
@@ -37,7 +36,7 @@ def require_wide_step(horizon_s: float, dt_s: float, scenarios: int, max_points:
     most = most_points(scenarios, max_points)
     if sample_count(horizon_s, dt_s) > most:
         steps = f"{smallest_step_s(horizon_s, most):g} to {LIMITS.dt_s[1]:g}"
-        allowed = f"{steps} for a horizon_s of {horizon_s:g} ({points_limit(scenarios, max_points)})"
+        allowed = f"{steps} for a horizon_s of {horizon_s:g} ({_limit(scenarios, max_points, 'points')})"
         raise InvalidValueError("dt_s", dt_s, allowed)
 
 

@@ -76,7 +76,7 @@ async def read_body(request: Request, model: type[Model]) -> Model:
     content = await request.body()
     parsed(content, words_of(model))
     try:
-        return model.model_validate_json(content)
+        return model.model_validate_json(content, strict=True)  # numbers must be numbers
     except ValidationError as error:
         raise _refused(error, model, "body") from error
 
@@ -125,9 +125,7 @@ def parsed(content: bytes, words: Mapping[str, str]) -> Any:  # noqa: ANN401 - J
         pass  # the careful way, below, has better words
 
     def without_repeats(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        if len(pairs) > _MOST_MEMBERS:
-            allowed = f"an object with at most {_MOST_MEMBERS} members"
-            raise InvalidInputError(fault("body", f"{len(pairs)} members", allowed))
+        _require_few_members(len(pairs))
         members = dict(pairs)
         if len(members) < len(pairs):
             require_unique(pairs, words)
@@ -142,9 +140,15 @@ def parsed(content: bytes, words: Mapping[str, str]) -> Any:  # noqa: ANN401 - J
         raise MalformedBodyError(f"the body cannot be read: {reason}") from error
 
 
+def _require_few_members(count: int) -> None:
+    if count > _MOST_MEMBERS:
+        raise InvalidInputError(fault("body", f"{count} members", f"an object with at most {_MOST_MEMBERS} members"))
+
+
 def _names_in(node: object) -> int:
     """How many names the objects have. A list that begins with a plain value counts as none."""
     if isinstance(node, dict):
+        _require_few_members(len(node))
         return len(node) + sum(_names_in(each) for each in node.values() if isinstance(each, dict | list))
     if isinstance(node, list) and node and isinstance(node[0], dict | list):
         return sum(map(_names_in, node))

@@ -139,7 +139,7 @@ def test_what_cannot_be_moved(admin, store, three, path, body, status, problem):
         (b'{"version": 1, "reason": "x"}', "text/plain", 415),
         (b'{"version": 1, "reason": "x"}', "application/x-www-form-urlencoded", 415),
         (b'{"version": 1, "version": 2, "reason": "x"}', "application/json", 422),
-        (b'{"version": 1, "reason": "\\ud800"}', "application/json", 422),
+        (b'{"version": 1, "reason": "\\ud800"}', "application/json", 400),
         (b"[" * 30_000, "application/json", 400),
         (b'{"version": 1, "reason": "' + b"x" * 70_000 + b'"}', "application/json", 413),
     ],
