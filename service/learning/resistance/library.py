@@ -16,7 +16,7 @@ import numpy.typing as npt
 from service.physics.scenario import Array
 
 PATH = Path(__file__).with_name("native") / "librover.so"
-INTERFACE = 2  # ROVER_INTERFACE of native/engine.h
+INTERFACE = 3  # ROVER_INTERFACE of native/engine.h
 LANES = 16  # ROVER_LANES
 _REMEDY = "run `pip install .` (or `pip install --editable .`, or `make run`) again in the checkout: that compiles it"
 _NO_MEMORY, _BAD_TIME = 1, 2
@@ -38,9 +38,9 @@ class Curve(ctypes.Structure):
 class Body(ctypes.Structure):
     """`rover_body`."""
 
-    _fields_: ClassVar[_Fields] = [
-        *_numbers("wheelbase_m centre_ahead_m centre_height_m height_rise_m unladen_mass_kg share_shift")
-    ]
+    _fields_: ClassVar[_Fields] = _numbers(
+        "wheelbase_m centre_ahead_m centre_height_m height_rise_m unladen_mass_kg share_shift"
+    )
 
 
 class Gate(ctypes.Structure):
@@ -115,10 +115,15 @@ class Model(ctypes.Structure):
     ]
 
 
+# The engine's types by name, whose sizes are compared when it is loaded. A row is one of a block of tables.
+_STRUCTS = Curve, Body, Gate, Laws, Knots, Process, Model
+MIRRORS = {"rover_row": _NUMBER * LANES} | {f"rover_{each.__name__.lower()}": each for each in _STRUCTS}
+
 # Everything but integers and numbers is the address of an array of float64, or of a struct, or `first` of an array.
 _FIRST = ctypes.POINTER(_NUMBER)
 _ARGUMENTS: dict[str, tuple[list[type], type | None]] = {
     "rover_interface": ([], _INTEGER),
+    "rover_bytes": ([ctypes.c_char_p], _INTEGER),
     "rover_vector_bits": ([], _INTEGER),
     "rover_predict": ([_POINTER, _INTEGER, _FIRST, _INTEGER, _FIRST, _INTEGER, _FIRST], _INTEGER),
     "rover_step_times": ([_NUMBER, _INTEGER, _INTEGER, _POINTER], _INTEGER),
@@ -134,28 +139,30 @@ _ARGUMENTS: dict[str, tuple[list[type], type | None]] = {
 
 
 @cache
-def library(path: Path = PATH) -> ctypes.CDLL:
-    """The engine, loaded once. Raises ImportError, with the remedy, where it is missing, foreign or outdated."""
+def library() -> ctypes.CDLL:
+    """The engine at PATH, loaded once. Raises ImportError, with the remedy, for one that is missing or does not fit."""
     try:
-        loaded = ctypes.CDLL(str(path))
+        loaded = ctypes.CDLL(str(PATH))
     except OSError as error:
-        raise ImportError(f"the compiled engine {path} cannot be loaded ({error}): {_REMEDY}") from error
+        raise ImportError(f"the compiled engine {PATH} cannot be loaded ({error}): {_REMEDY}") from error
     try:
+        if (found := loaded.rover_interface()) != INTERFACE:
+            raise ImportError(f"the compiled engine {PATH} has interface {found}, needed is {INTERFACE}: {_REMEDY}")
         for name, (arguments, answer) in _ARGUMENTS.items():
             function = getattr(loaded, name)
             function.argtypes, function.restype = arguments, answer
     except AttributeError as error:
-        raise ImportError(f"the compiled engine {path} is another program's ({error}): {_REMEDY}") from error
-    if (found := loaded.rover_interface()) != INTERFACE:
-        raise ImportError(f"the compiled engine {path} has interface {found}, needed is {INTERFACE}: {_REMEDY}")
+        raise ImportError(f"the compiled engine {PATH} is another program's ({error}): {_REMEDY}") from error
+    for name, mirror in MIRRORS.items():
+        if (found := loaded.rover_bytes(name.encode())) != (needed := ctypes.sizeof(mirror)):
+            raise ImportError(f"{name} of the compiled engine {PATH} has {found} bytes, needed are {needed}: {_REMEDY}")
     return loaded
 
 
 @cache
 def vector_bits() -> int:
     """How wide this machine's vectors are. Wider ones give the same answers sooner."""
-    bits: int = library().rover_vector_bits()
-    return bits
+    return int(library().rover_vector_bits())
 
 
 def require_success(status: int) -> None:
@@ -175,8 +182,7 @@ def first(array: Array) -> ctypes.c_double:
 
 def address(array: npt.NDArray[np.float64] | npt.NDArray[np.int32]) -> int:
     """Where a contiguous array lies. It must be kept as long as the address is used."""
-    where: int = array.__array_interface__["data"][0]
-    return where
+    return int(array.__array_interface__["data"][0])
 
 
 def contiguous(array: Array | float) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -16,12 +15,10 @@ from hypothesis import strategies as st
 import model_store
 from model_store import ModelStore
 from service.learning.checkpoint import restore_model
-from service.learning.resistance import library as library_module
 from service.learning.resistance.engine import Engine, step_times
 from service.learning.resistance.features import scaled_features, stall_gate
 from service.learning.resistance.fit import FittedProcess
 from service.learning.resistance.hyperparameters import Hyperparameters
-from service.learning.resistance.library import library
 from service.learning.resistance.model import ResistanceProcess
 from service.learning.resistance.start import _shape
 from service.learning.resistance.tables import ResponseTables
@@ -230,19 +227,3 @@ def _parts(model: ResistanceProcess) -> tuple[object, ...]:
         model.height,
         model.start,
     )
-
-
-def test_a_missing_library_says_what_to_run(tmp_path: Path):
-    with pytest.raises(ImportError, match=r"nowhere.so cannot be loaded .*pip install"):
-        library(tmp_path / "nowhere.so")
-
-
-def test_a_foreign_library_is_refused():
-    with pytest.raises(ImportError, match=r"another program's .*pip install"):
-        library(Path(ctypes.CDLL("libm.so.6")._name))
-
-
-def test_an_outdated_library_is_refused(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(library_module, "INTERFACE", library_module.INTERFACE + 1)
-    with pytest.raises(ImportError, match=r"interface .*pip install"):
-        library.__wrapped__(library_module.PATH)

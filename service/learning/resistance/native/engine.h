@@ -2,14 +2,14 @@
  *
  * No state, no globals: parameters come in as structs that the caller keeps and nobody changes, workspace is allocated
  * per call. SI units and radians. Sizes and pointers are the caller's promise (library.py keeps it); every number may
- * be anything, infinite or NaN included, without a read or write out of bounds. The structs are mirrored field by field
- * in library.py: whoever changes one changes both, and ROVER_INTERFACE. */
+ * be anything, infinite or NaN included, without a read or write out of bounds. The structs
+ * are mirrored field by field in library.py: whoever changes one changes both, and ROVER_INTERFACE. */
 #ifndef ROVER_ENGINE_H
 #define ROVER_ENGINE_H
 
 #include <stdint.h>
 
-#define ROVER_INTERFACE 2
+#define ROVER_INTERFACE 3
 
 /* Loops that gain from wider vectors are compiled several times: for every machine, and for those with AVX2 or
  * AVX-512. Neither multiplications and additions are fused nor sums reordered: the bits are the same with all. */
@@ -40,6 +40,9 @@ enum { ROVER_LANES = 16 };  /* tables are evaluated for so many knots at once */
 enum { ROVER_SPEEDS = 16 }; /* and speed laws for so many speeds */
 enum { FRONT, REAR, REAR_IN_RUT, AXLES };
 enum { LEVEL, TRAVEL, RELEASE, RUT, STALL, PARTS };
+
+/* A row of a block of tables */
+typedef double rover_row[ROVER_LANES];
 
 /* phi(s) = [adhesion + plateau J(s / (slip_scale f)) + linear clip(s, -0.5, 1)] [1 - backing_loss S((s - 1) / backing_slip)],
  * f = (load / 275 kg)^-load_exponent, S from 0 at 0 to 1 at 1 */
@@ -80,7 +83,7 @@ typedef struct {
     const double *number, *inverse;
 } rover_knots;
 
-/* A solved Gaussian process, see tables.py. Tables are blocks of ROVER_LANES knots: (block, run, lane). */
+/* A solved Gaussian process, see tables.py. Tables are blocks of rows: (block, run, lane). */
 typedef struct {
     int64_t shape[PARTS];                           /* which of the model's shapes each part has */
     double variance[PARTS];                         /* that of STALL: of the part that depends on time */
@@ -111,11 +114,13 @@ typedef struct {
 } rover_model;
 
 int64_t rover_interface(void);
+/* The bytes of a type above, by its name; 0 if there is none of that name. Of every one library.py has a mirror. */
+int64_t rover_bytes(const char *name);
 /* How wide this machine's vectors are, as far as is made use of: 128, 256 or 512. Slow in virtual machines: to be asked
  * once. */
 int64_t rover_vector_bits(void);
 
-/* Times of the integration's steps from 0 to the horizon or just past it, as many as fit into `most`; returns their
+/* Times of the integration's steps from 0 to the horizon or just past it, where all fit into `most`; returns their
  * number, or -1 for a horizon that is too long. `refine` cuts each step. */
 int64_t rover_step_times(double horizon_s, int64_t refine, int64_t most, double *time_s);
 

@@ -1,7 +1,4 @@
 /* From scenarios to positions at the asked times. */
-#if defined(__x86_64__)
-#include <cpuid.h>
-#endif
 #include <math.h>
 #include <stdlib.h>
 
@@ -289,26 +286,4 @@ int64_t rover_predict(const rover_model *model, int64_t count, const double *sce
     }
     free(memory);
     return ROVER_OK;
-}
-
-int64_t rover_vector_bits(void)
-{
-    int64_t bits = 128;
-#if defined(__x86_64__)
-    const unsigned int wide = 0x6, wider = 0xe6; /* registers that the system keeps */
-    const unsigned int avx512 = bit_AVX512F | bit_AVX512DQ | bit_AVX512VL;
-    unsigned int a, b, c, d, low, high;
-    if (!__get_cpuid(1, &a, &b, &c, &d) || !(c & bit_OSXSAVE))
-        return bits;
-    __asm__("xgetbv" : "=a"(low), "=d"(high) : "c"(0));
-    if (!__get_cpuid_count(7, 0, &a, &b, &c, &d) || !(b & bit_AVX2) || (low & wide) != wide)
-        return bits;
-    bits = (b & avx512) == avx512 && (low & wider) == wider ? 512 : 256;
-#endif
-    return bits;
-}
-
-int64_t rover_interface(void)
-{
-    return ROVER_INTERFACE;
 }
