@@ -59,7 +59,7 @@ class Engine:
     ) -> None:
         """`refine` cuts the steps of the integration, for those who ask whether they are fine enough."""
         self._kept: list[npt.NDArray[np.float64] | npt.NDArray[np.int32]] = []
-        self._shapes: list[Lengths] = []
+        self._shapes: dict[Lengths, int] = {}  # kernels of the same lengths have one number
         known = features.scaled
         speeds = self._keep_array(speed_grid(prior.rover))
         _require_shapes(features, time_knots_s, (resistance, height), start)
@@ -82,7 +82,7 @@ class Engine:
             mass_reach=hyper.mass_reach,
             features=self._keep(known.T),
             gate=self._keep(features.gate),
-            half_inverse_square=self._keep(0.5 / np.square(self._shapes)),
+            half_inverse_square=self._keep(0.5 / np.square(list(self._shapes))),
             blend=self._keep(rut_blend(hyper, TRAVEL_GRID_M)),
             start_features=self._keep(start.features.T),
             start_weights=self._keep(start.weights.T),
@@ -100,7 +100,7 @@ class Engine:
         Raises ValueError for shapes that do not fit and times that are not finite, MemoryError for a horizon too long.
         """
         scenarios = np.concatenate((angle_rad, mass_kg, torque_ratio), dtype=np.float64)
-        time = np.ascontiguousarray(time_s, dtype=np.float64)
+        time = contiguous(time_s)
         count, times = len(angle_rad), time.shape[-1]
         if (
             scenarios.shape != (3 * count,)
@@ -126,12 +126,6 @@ class Engine:
         """The address of a copy, or of the array itself, that lives as long as this."""
         return address(self._keep_array(array))
 
-    def _shape(self, lengths: Lengths) -> int:
-        """The number of a kernel's shape; the same lengths have one."""
-        if lengths not in self._shapes:
-            self._shapes.append(lengths)
-        return self._shapes.index(lengths)
-
     def _process(
         self,
         hyper: KernelHyperparameters,
@@ -146,7 +140,7 @@ class Engine:
         lengths = hyper.level_lengths, hyper.travel_lengths, hyper.release_lengths, hyper.rut_lengths
         deviations = hyper.level_deviation, hyper.travel_deviation, hyper.release_deviation, hyper.rut_deviation
         return Process(
-            shape=tuple(self._shape(each) for each in (*lengths, hyper.stall_lengths)),
+            shape=tuple(self._shapes.setdefault(each, len(self._shapes)) for each in (*lengths, hyper.stall_lengths)),
             variance=tuple(each**2 for each in (*deviations, hyper.stall_time_deviation)),
             stall_level_variance=hyper.stall_level_deviation**2,
             stall_travel_variance=hyper.stall_travel_deviation**2,
@@ -181,7 +175,12 @@ class Engine:
 
 
 def step_times(horizon_s: float, refine: int = 1) -> Array:
-    """Times (s) of the integration's steps, from 0 to the horizon or just past it; `refine` cuts each step."""
+    """Times (s) of the integration's steps, from 0 to the horizon or just past it; `refine` cuts each step.
+
+    Raises ValueError for a negative horizon or a `refine` below 1, MemoryError for a horizon too long.
+    """
+    if refine < 1 or not horizon_s >= 0:
+        raise ValueError(f"steps need a horizon of 0 s or more and refine of 1 or more, got {horizon_s} and {refine}")
     count = library().rover_step_times(horizon_s, refine, 0, None)
     if count < 0:
         raise MemoryError(f"a horizon of {horizon_s} s is too long")

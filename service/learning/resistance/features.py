@@ -27,13 +27,16 @@ def scaled_features(
 
 
 def stall_gate(scaled: Array, margins: Array, hyper: Hyperparameters) -> Array:
-    """How near to stalling: a sigmoid of the drive margin, 0..1, shape (scenario,)."""
+    """How near to stalling: a sigmoid of the drive margin, 0..1, of the shape of `margins`; `scaled` has (..., 3).
+
+    Raises ValueError for shapes that do not fit.
+    """
     features, margin = contiguous(scaled), contiguous(margins)
     if features.shape != (*margin.shape, 3):
         raise ValueError(f"features of shape {features.shape} do not fit margins of shape {margin.shape}")
-    gate = np.empty(len(margin))
+    gate = np.empty_like(margin)
     library().rover_stall_gate(
-        byref(compiled_gate(hyper)), len(gate), address(features), address(margin), address(gate)
+        byref(compiled_gate(hyper)), gate.size, address(features), address(margin), address(gate)
     )
     return gate
 

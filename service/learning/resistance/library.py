@@ -19,7 +19,7 @@ PATH = Path(__file__).with_name("native") / "librover.so"
 INTERFACE = 3  # ROVER_INTERFACE of native/engine.h
 LANES = 16  # ROVER_LANES
 _REMEDY = "run `pip install .` (or `pip install --editable .`, or `make run`) again in the checkout: that compiles it"
-_NO_MEMORY, _BAD_TIME = 1, 2
+_BAD_TIME = 2  # ROVER_BAD_TIME; all else that is not 0 is a lack of memory
 
 _INTEGER, _NUMBER, _POINTER = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
 _Fields = list[tuple[str, type]]
@@ -167,10 +167,10 @@ def vector_bits() -> int:
 
 def require_success(status: int) -> None:
     """Turns what the engine answers into an exception: MemoryError, or ValueError for times that are not finite."""
-    if status == _NO_MEMORY:
-        raise MemoryError("there is not enough memory for so long a horizon")
     if status == _BAD_TIME:
         raise ValueError("times must be finite")
+    if status:
+        raise MemoryError("there is not enough memory for so long a horizon")
 
 
 def first(array: Array) -> ctypes.c_double:
@@ -186,5 +186,6 @@ def address(array: npt.NDArray[np.float64] | npt.NDArray[np.int32]) -> int:
 
 
 def contiguous(array: Array | float) -> Array:
-    """As float64 in one piece, which is what the engine reads."""
-    return np.ascontiguousarray(array, dtype=np.float64)
+    """As aligned float64 in one piece, which is what the engine reads."""
+    found = np.ascontiguousarray(array, dtype=np.float64)
+    return found if found.flags.aligned else found.copy()

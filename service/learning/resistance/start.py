@@ -29,8 +29,13 @@ def start_features(angle_rad: Array, log_mass_scaled: Array) -> Array:
 
 
 def _shape(one: Array, two: Array) -> Array:
-    """A Matern kernel of order 5/2 and a linear one between features (one, 2) and (two, 2); shape (one, two)."""
+    """A Matern kernel of order 5/2 and a linear one between features (one, 2) and (two, 2); shape (one, two).
+
+    Raises ValueError for features of other shapes.
+    """
     ones, twos = contiguous(one), contiguous(two)
+    if ones.shape != (len(ones), 2) or twos.shape != (len(twos), 2):
+        raise ValueError(f"start features must have shape (run, 2), got {ones.shape} and {twos.shape}")
     shape = np.empty((len(ones), len(twos)))
     library().rover_start_shape(
         address(INVERSE_LENGTHS), len(ones), address(ones), len(twos), address(twos), address(shape)

@@ -1,4 +1,4 @@
-"""The compiled engine says what the plain Python of `reference` says, whatever it is asked, and nothing shakes it."""
+"""The compiled engine says what the plain Python of `reference` says, whatever it is asked."""
 
 from __future__ import annotations
 
@@ -122,15 +122,6 @@ def test_columns_that_fit_not_each_other_are_refused(fitted: FittedProcess):
         engine.predict(np.zeros(2), np.ones(1), np.ones(3), TIMES)
     with pytest.raises(ValueError, match="shapes"):
         engine.predict(np.zeros(2), np.ones(2), np.ones(3), TIMES)
-
-
-@given(st.lists(st.floats(), min_size=3, max_size=3))
-@settings(max_examples=200, deadline=None)
-def test_no_number_leads_out_of_bounds(fitted: FittedProcess, numbers: list[float]):
-    """Run under AddressSanitizer too, see the decision record; here it must come back, with anything."""
-    angle, mass, ratio = (np.array([number]) for number in numbers)
-    x, _ = fitted.model._engine.predict(angle, mass, ratio, TIMES)
-    assert x.shape == (1, 201)
 
 
 def test_arrays_may_be_of_any_layout(fitted: FittedProcess):

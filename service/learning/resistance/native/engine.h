@@ -2,7 +2,7 @@
  *
  * No state, no globals: parameters come in as structs that the caller keeps and nobody changes, workspace is allocated
  * per call. SI units and radians. Sizes and pointers are the caller's promise (library.py keeps it); every number may
- * be anything, infinite or NaN included, without a read or write out of bounds. The structs
+ * be anything, infinite or NaN included, and may change meanwhile, without a read or write out of bounds. The structs
  * are mirrored field by field in library.py: whoever changes one changes both, and ROVER_INTERFACE. */
 #ifndef ROVER_ENGINE_H
 #define ROVER_ENGINE_H
@@ -121,7 +121,7 @@ int64_t rover_bytes(const char *name);
 int64_t rover_vector_bits(void);
 
 /* Times of the integration's steps from 0 to the horizon or just past it, where all fit into `most`; returns their
- * number, or -1 for a horizon that is too long. `refine` cuts each step. */
+ * number, or -1 for a horizon that is too long. `refine` cuts each step; below 1 there are none, and -1 is returned. */
 int64_t rover_step_times(double horizon_s, int64_t refine, int64_t most, double *time_s);
 
 /* Predicts x and y, (2, scenario, time), in metres for scenarios (3, scenario): slope angle (rad), mass (kg), torque

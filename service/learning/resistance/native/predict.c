@@ -41,7 +41,7 @@ static int plan_steps(double horizon_s, int64_t refine, step_plan *plan)
         double end = horizon_s > start + schedule[stage].step_s ? horizon_s : start + schedule[stage].step_s;
         double length = (end < schedule[stage].until_s ? end : schedule[stage].until_s) - start;
         double steps = ceil(length * (double)refine / schedule[stage].step_s - 1e-9);
-        if (!(steps <= most_steps))
+        if (!(steps >= 1.0 && steps <= most_steps))
             return ROVER_NO_MEMORY;
         plan->stage_steps[stage] = (int64_t)steps;
         plan->count += plan->stage_steps[stage];
@@ -279,8 +279,10 @@ int64_t rover_predict(const rover_model *model, int64_t count, const double *sce
     step_times(&plan, model->refine, work.time_s); /* those of shorter horizons are the first of these */
     for (int64_t row = 0; row < count; row++) {
         const double *asked = time_s + row * stride;
-        if (stride)
-            plan_steps(horizon(times, asked), model->refine, &plan);
+        if (stride) {
+            double one = horizon(times, asked); /* again: were it longer now, the steps would not fit */
+            plan_steps(one < longest ? one : longest, model->refine, &plan);
+        }
         predict_one(&work, &plan, angle_rad[row], mass_kg[row], ratio[row]);
         sample(&work, plan.count, times, asked, x_m + row * times, y_m + row * times);
     }
