@@ -10,7 +10,7 @@ PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13; do \
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 CHRONO ?= ../shared/chrono
 
-.PHONY: run test lint types bench e2e image openapi clients datasets model clean
+.PHONY: run test lint types sanitize bench e2e image openapi clients datasets model clean
 
 run: $(VENV)/.runtime ## the service with the shipped model on http://127.0.0.1:8000
 	@exec $(BIN)/rover-twin serve $(ARGS)
@@ -26,6 +26,9 @@ lint: $(VENV)/.dev ## style, and the direction of imports
 types: $(VENV)/.dev ## mypy, strict
 	@$(BIN)/mypy
 	@$(BIN)/mypy --strict clients/python
+
+sanitize: $(VENV)/.dev ## the engine's tests under AddressSanitizer and UndefinedBehaviorSanitizer (where gcc has them)
+	@PYTEST=$(BIN)/pytest sh tests/learning/resistance/sanitize $(ARGS)
 
 bench: $(VENV)/.dev ## how fast, beside its floors (some minutes); writes docs/performance.md
 	@$(BIN)/python -m tests.benchmarks.serving $(ARGS)

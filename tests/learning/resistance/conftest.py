@@ -1,4 +1,4 @@
-"""One fit for all tests here: the paper's thirteen slopes, as shipped, every tenth sample."""
+"""One fit for all tests: the paper's thirteen slopes, as shipped, every tenth sample. `--engine` tries another one."""
 
 from __future__ import annotations
 
@@ -9,10 +9,21 @@ import pytest
 import model_store
 from model_store import ModelStore
 from service.learning.observed import ObservedRun
+from service.learning.resistance import library as library_module
 from service.learning.resistance.fit import FittedProcess, fit_resistance_process
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.priors import make_prior
 from service.training.data import load_training_data
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--engine", help="a compiled engine to try instead of the installed one, see `make sanitize`")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if engine := config.getoption("--engine", None):
+        library_module.PATH = Path(engine)
+
 
 SHIPPED = str(Path(model_store.__file__).parent)
 
