@@ -11,7 +11,7 @@ import math
 from datetime import UTC, datetime
 from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, JsonValue, ValidationError
+from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, JsonValue, SkipValidation, ValidationError
 
 from model_store.backend import Backend
 from model_store.errors import CorruptArtefactError, InvalidDraftError, UnsupportedFormatError
@@ -37,26 +37,36 @@ class Document(BaseModel):
 DocumentT = TypeVar("DocumentT", bound=Document)
 
 
-def flaw(value: object, where: str = "", depth: int = 0) -> str | None:
+def flaw(value: object) -> str | None:
     """Say what in a JSON value cannot be stored, and where in it; None when all is well."""
+    found = _flaw(value, 0)
+    return None if found is None else f"'{found[0].removeprefix('.')[:200]}' {found[1]}"
+
+
+def _flaw(value: object, depth: int) -> tuple[str, str] | None:
+    """Where the first flaw is, seen from this value, and what it is. The way there is put together on the way back."""
     if depth > MAX_DEPTH:
-        return f"'{where[:80]}...' is nested deeper than {MAX_DEPTH} levels"
-    if isinstance(value, float) and not math.isfinite(value):
-        return f"'{where[:200]}' is {value}, not a finite number"
-    if isinstance(value, str) and not _is_text(value):
-        return f"'{where[:200]}' holds broken Unicode"
+        return "", f"is nested deeper than {MAX_DEPTH} levels"
+    if isinstance(value, float):
+        return None if math.isfinite(value) else ("", f"is {value}, not a finite number")
+    if isinstance(value, str):
+        return None if _is_text(value) else ("", "holds broken Unicode")
     if isinstance(value, dict):
-        children = [(f"{where}.{key}".lstrip("."), inner) for key, inner in value.items()]
-        if not all(_is_text(str(key)) for key in value):
-            return f"'{where[:200]}' has a key of broken Unicode"
+        for key, inner in value.items():
+            if not _is_text(str(key)):
+                return "", "has a key of broken Unicode"
+            if found := _flaw(inner, depth + 1):
+                return f".{key}{found[0]}", found[1]
     elif isinstance(value, list):
-        children = [(f"{where}[{index}]", inner) for index, inner in enumerate(value)]
-    else:
-        return None
-    return next((found for path, inner in children if (found := flaw(inner, path, depth + 1))), None)
+        for index, inner in enumerate(value):
+            if found := _flaw(inner, depth + 1):
+                return f"[{index}]{found[0]}", found[1]
+    return None
 
 
 def _is_text(text: str) -> bool:
+    if text.isascii():  # almost all are, and this is the quicker question
+        return True
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -77,8 +87,12 @@ def _to_utc(moment: datetime) -> datetime:
 Json = Annotated[JsonValue, AfterValidator(_flawless)]
 """Any JSON value; NaN and infinities refused."""
 
-JsonObject = Annotated[dict[str, JsonValue], AfterValidator(_flawless)]
-"""A JSON object with a meaning that belongs to somebody else."""
+JsonObject = dict[str, SkipValidation[JsonValue]]
+"""A JSON object in a document; its meaning belongs to somebody else. Each comes from a draft or from bytes, and either
+was checked whole, so pydantic need not look at every value again."""
+
+JsonObjectDraft = Annotated[dict[str, JsonValue], AfterValidator(_flawless)]
+"""A JSON object in a draft; NaN and infinities refused."""
 
 Text = Annotated[str, AfterValidator(_flawless)]
 

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
-from model_store.documents import Document, Json, JsonObject, Moment, Text
+from model_store.documents import Document, Json, JsonObject, JsonObjectDraft, Moment, Text
 from model_store.files import Files, Sha256
 from model_store.layout import MAX_VERSION
 
@@ -31,7 +31,7 @@ class Lineage(BaseModel):
     split: Json = None
     seed: int | None = None
     threads: int | None = None
-    config: JsonObject = Field(default_factory=dict)
+    config: JsonObjectDraft = Field(default_factory=dict)
     libraries: dict[Text, Text] = Field(default_factory=dict)
     code_version: Text = ""
     command: Text = ""
@@ -47,10 +47,10 @@ class ManifestDraft(BaseModel):
 
     created_by: Actor
     description: Note = ""
-    checkpoint: JsonObject
-    domain: JsonObject
-    band: JsonObject | None = None
-    metrics: JsonObject
+    checkpoint: JsonObjectDraft
+    domain: JsonObjectDraft
+    band: JsonObjectDraft | None = None
+    metrics: JsonObjectDraft
     lineage: Lineage
 
 

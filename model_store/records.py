@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from model_store.documents import Document, JsonObject, Moment, Text
+from model_store.documents import Document, JsonObject, JsonObjectDraft, Moment, Text
 from model_store.files import Files, Sha256
 from model_store.layout import MAX_SEQ, MAX_VERSION, check_dataset_name
 from model_store.manifest import Actor, Note
@@ -39,8 +39,8 @@ class DatasetDraft(BaseModel):
     name: Annotated[str, AfterValidator(check_dataset_name)]
     created_by: Actor
     description: Note = ""
-    summary: JsonObject = Field(default_factory=dict)
-    source: JsonObject = Field(default_factory=dict)
+    summary: JsonObjectDraft = Field(default_factory=dict)
+    source: JsonObjectDraft = Field(default_factory=dict)
 
 
 class DatasetRecord(Document):

@@ -106,18 +106,18 @@ class ModelStore:
         """
         return self._versions.manifest(name, version)
 
-    def read_file(self, name: str, version: int, file: str, *, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
-        """Read one file of a version, its size and sha256 compared with the manifest.
+    def read_file(self, manifest: Manifest, file: str, *, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
+        """Read one file of a version, its size and sha256 compared with the manifest, which `manifest` has read.
 
-        Raises what `manifest` raises, and:
+        Raises:
             NotFoundError: the manifest lists no such file.
             CorruptArtefactError: the file is missing, truncated or altered.
             ArtefactTooLargeError: it is larger than `limit_bytes`; nothing of it was read.
         """
-        return self._versions.read_file(name, version, file, limit_bytes)
+        return self._versions.read_file(manifest, file, limit_bytes)
 
     def verify(self, name: str, version: int) -> Manifest:
-        """Read every file of a version and compare it with the manifest; raises what `read_file` raises."""
+        """Read every file of a version and compare it with the manifest; raises what both of them raise."""
         return self._versions.verify(name, version)
 
     def resolve(self, reference: str) -> Resolved:

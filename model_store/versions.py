@@ -69,18 +69,20 @@ class Versions:
             )
         return manifest
 
-    def read_file(self, name: str, version: int, file: str, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
+    def read_file(self, manifest: Manifest, file: str, limit_bytes: int = MAX_FILE_BYTES) -> bytes:
         """Read a file the manifest lists, verified."""
-        files = self.manifest(name, version).files
-        if file not in files:
-            raise NotFoundError(f"{name}@{version} has no file {file[:100]!r}; it has {', '.join(sorted(files))}")
-        return self._read(name, version, file, files[file], limit_bytes)
+        place = f"{manifest.name}@{manifest.version}"
+        entry = manifest.files.get(file)
+        if entry is None:
+            raise NotFoundError(f"{place} has no file {file[:100]!r}; it has {', '.join(sorted(manifest.files))}")
+        key = f"{layout.version_prefix(manifest.name, manifest.version)}/{file}"
+        return read_verified(self._backend, key, entry, limit_bytes=limit_bytes)
 
     def verify(self, name: str, version: int) -> Manifest:
         """Compare every file with its digest."""
         manifest = self.manifest(name, version)
-        for file, entry in manifest.files.items():
-            self._read(name, version, file, entry, MAX_FILE_BYTES)
+        for file in manifest.files:
+            self.read_file(manifest, file)
         return manifest
 
     def publish(
@@ -163,10 +165,6 @@ class Versions:
         folders = (key.removesuffix(f"/{layout.MANIFEST}") for key in keys if key.endswith(f"/{layout.MANIFEST}"))
         numbers = (layout.version_number(folder) for folder in folders)
         return sorted(number for number in numbers if number is not None)
-
-    def _read(self, name: str, version: int, file: str, entry: FileEntry, limit_bytes: int) -> bytes:
-        key = f"{layout.version_prefix(name, version)}/{file}"
-        return read_verified(self._backend, key, entry, limit_bytes=limit_bytes)
 
     def _no_model(self, name: str) -> ModelNotFoundError:
         others = sorted(filter(layout.is_name, set(self._backend.folders(layout.MODELS_ROOT)) - {name}))

@@ -112,7 +112,7 @@ def _by_run(manifest: Manifest, part: str) -> list[_Evaluated]:
 def _names_by_simulation(store: ModelStore, manifest: Manifest) -> dict[tuple[Any, ...], set[str]]:
     """Every name under which each simulation is among the training runs."""
     try:
-        content = store.read_file(manifest.name, manifest.version, TRAIN_REPORT, limit_bytes=_MAX_REPORT_BYTES)
+        content = store.read_file(manifest, TRAIN_REPORT, limit_bytes=_MAX_REPORT_BYTES)
     except NotFoundError:
         return {}
     where = f"{TRAIN_REPORT} of {manifest.name}@{manifest.version}"

@@ -21,7 +21,7 @@ def load_twin(store: ModelStore, name: str, version: int) -> Twin:
     Raises CheckpointError when the version is whole but cannot become a twin, and what the store raises.
     """
     manifest = store.manifest(name, version)
-    weights = store.read_file(name, version, WEIGHTS, limit_bytes=MAX_WEIGHTS_BYTES)
+    weights = store.read_file(manifest, WEIGHTS, limit_bytes=MAX_WEIGHTS_BYTES)
     try:
         model = restore_model(manifest.checkpoint, weights)
         domain = Domain.restore(manifest.domain, model.prior.rover, model.prior.regolith)
@@ -41,5 +41,5 @@ def _band(store: ModelStore, manifest: Manifest, domain: Domain) -> Band | None:
         return None
     if BAND_FILE not in manifest.files:
         raise CheckpointError(f"the manifest describes a band, but the version has no {BAND_FILE}")
-    content = store.read_file(manifest.name, manifest.version, BAND_FILE, limit_bytes=MAX_BAND_BYTES)
+    content = store.read_file(manifest, BAND_FILE, limit_bytes=MAX_BAND_BYTES)
     return Band.read(manifest.band, content, domain)

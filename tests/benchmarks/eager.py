@@ -38,10 +38,11 @@ def network(weights: dict[str, torch.Tensor], inputs: int) -> torch.nn.Sequentia
 def predictor(store: ModelStore) -> Callable[[float, float, float, float, float], dict[str, Any]]:
     """Trajectories as lists."""
     version = store.resolve(NAME).version
-    model = load_twin(store, NAME, version).model
+    twin = load_twin(store, NAME, version)
+    model, manifest = twin.model, twin.manifest
     signature = model.signature
-    layers = network(load(store.read_file(NAME, version, WEIGHTS)), len(signature.inputs))
-    scale = torch.tensor(store.manifest(NAME, version).checkpoint["architecture"]["arguments"]["output_scale_m"])
+    layers = network(load(store.read_file(manifest, WEIGHTS)), len(signature.inputs))
+    scale = torch.tensor(manifest.checkpoint["architecture"]["arguments"]["output_scale_m"])
 
     def predict(slope_deg: float, mass_kg: float, torque_nm: float, horizon_s: float, dt_s: float) -> dict[str, Any]:
         times = sample_times(horizon_s, dt_s)

@@ -139,7 +139,7 @@ def _copied_store(folder: Path) -> ModelStore:
     shutil.copytree(Path(load_settings().store_url) / "models", folder / "models")
     store = ModelStore.open(folder)
     champion = store.manifest(NAME, store.resolve(NAME).version)
-    files = {file: store.read_file(NAME, champion.version, file) for file in champion.files}
+    files = {file: store.read_file(champion, file) for file in champion.files}
     kept = {name: getattr(champion, name) for name in ManifestDraft.model_fields}
     store.publish(NAME, files, ManifestDraft(**kept))
     return store

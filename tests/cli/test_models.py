@@ -15,7 +15,7 @@ def _publish_again(store):
     """A second version with the first one's content."""
     opened = ModelStore.open(store)
     first = opened.manifest("rover", 1)
-    files = {path: opened.read_file("rover", 1, path) for path in first.files}
+    files = {path: opened.read_file(first, path) for path in first.files}
     draft = ManifestDraft(
         created_by="tests",
         description="second",

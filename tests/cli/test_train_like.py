@@ -34,7 +34,7 @@ def test_what_is_published_again_has_the_same_bytes_and_can_be_made_again(store)
     answer = call("train", "--like", "rover@1", "--model", "other", "--threads", "1", "--json", "--store", store).json
     assert answer["published"] == {"name": "other", "version": 1}
     opened = ModelStore.open(store)
-    weights = [opened.read_file(name, 1, "weights.safetensors") for name in ("rover", "other")]
+    weights = [opened.read_file(opened.manifest(name, 1), "weights.safetensors") for name in ("rover", "other")]
     assert weights[0] == weights[1]
     again = call("train", "--like", "other@1", *AGAIN, "--json", "--store", store).json
     assert again["like"]["same_weights"]

@@ -172,8 +172,8 @@ class Reader(threading.Thread):
 
 def verify_whole(store, version):
     manifest = store.verify("viper", version)
-    assert store.read_file("viper", version, "weights.safetensors") == weights_of(manifest.created_by)
-    assert store.read_file("viper", version, "report/tag.txt").decode() == manifest.created_by
+    assert store.read_file(manifest, "weights.safetensors") == weights_of(manifest.created_by)
+    assert store.read_file(manifest, "report/tag.txt").decode() == manifest.created_by
     return manifest
 
 

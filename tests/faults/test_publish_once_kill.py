@@ -116,7 +116,7 @@ def versions_by_job(store):
     for version in store.versions("rover"):
         manifest = store.verify("rover", version)
         for file, content in files_of(manifest.created_by).items():
-            assert store.read_file("rover", version, file) == content
+            assert store.read_file(manifest, file) == content
         found.setdefault(manifest.lineage.job, []).append(version)
     return found
 

@@ -83,7 +83,7 @@ def test_publishers_at_once_get_distinct_whole_versions(store, directory):
         for version in report:
             manifest = store.verify("viper", version)
             assert manifest.created_by == f"child-{number}"
-            assert store.read_file("viper", version, "report/me.txt") == f"child-{number}".encode()
+            assert store.read_file(manifest, "report/me.txt") == f"child-{number}".encode()
 
 
 def test_movers_at_once_are_all_recorded(store, directory, files, draft):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import pytest
 
@@ -94,7 +95,19 @@ def replace(old, new):
         pytest.param(MANIFEST, lambda path: edit(path, deep=json.loads("[" * 90 + "]" * 90)), "deeper", id="deep"),
         pytest.param(MANIFEST, replace("0.05", "NaN"), r"'metrics\.final_position_error_m' is nan", id="NaN"),
         pytest.param(MANIFEST, replace("0.05", "1e999"), "is inf, not a finite", id="number beyond floats"),
+        pytest.param(
+            MANIFEST,
+            lambda path: edit(path, later=[1, {"x": [math.nan]}]),
+            r"'later\[1\]\.x\[0\]' is nan",
+            id="NaN where this release does not look",
+        ),
         pytest.param(MANIFEST, replace("tests", "\\ud800"), "broken Unicode", id="half a surrogate"),
+        pytest.param(
+            MANIFEST, lambda path: edit(path, domain={"\ud800": 1}), "'domain' has a key of broken", id="half a key"
+        ),
+        pytest.param(
+            MANIFEST, lambda path: edit(path, domain=[1, 2]), "field 'domain': .* dictionary", id="a list for an object"
+        ),
         pytest.param(MANIFEST, lambda path: edit(path, version="one"), "field 'version'", id="version in words"),
         pytest.param(MANIFEST, lambda path: edit(path, format="zip"), "'zip', expected 'rover", id="other format"),
         pytest.param(MANIFEST, lambda path: edit(path, version=2), "says it is viper@2", id="another's number"),
@@ -242,7 +255,7 @@ def test_a_failing_backend_is_unavailable_not_empty(published, directory, files,
     weights.unlink()
     weights.symlink_to(weights)  # an endless loop: reading it fails in a way that is neither missing nor corrupt
     with pytest.raises(StoreUnavailableError, match=r"cannot read .*weights\.safetensors"):
-        published.read_file("viper", 1, "weights.safetensors")
+        published.read_file(published.manifest("viper", 1), "weights.safetensors")
     (directory / "models/kite").write_bytes(b"a file where a folder belongs")
     with pytest.raises(StoreUnavailableError, match="cannot list models/kite"):
         published.publish("kite", files, draft)

@@ -81,7 +81,7 @@ class Histories(RuleBasedStateMachine):
     def read(self, name, version):
         known = self.versions.get(name, [])
         if version <= len(known):
-            assert self.store.read_file(name, version, "weights.safetensors") == known[version - 1]
+            assert self.store.read_file(self.store.manifest(name, version), "weights.safetensors") == known[version - 1]
             assert self.store.resolve(f"{name}@{version}").version == version
         else:
             with pytest.raises(NotFoundError):

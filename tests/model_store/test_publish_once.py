@@ -37,7 +37,7 @@ def published_under(store, key):
     for manifest in manifests:
         tag = manifest.created_by
         for file, content in files_of(tag).items():
-            assert store.read_file("rover", manifest.version, file) == content
+            assert store.read_file(manifest, file) == content
     return [manifest for manifest in manifests if manifest.lineage.job == key]
 
 

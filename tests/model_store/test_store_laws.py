@@ -56,7 +56,7 @@ class StoreLaws:
         manifest = store.publish("viper", files, draft)
         assert store.manifest("viper", 1) == manifest
         assert store.verify("viper", 1) == manifest
-        assert {file: store.read_file("viper", 1, file) for file in manifest.files} == files
+        assert {file: store.read_file(manifest, file) for file in manifest.files} == files
         assert manifest.checkpoint == draft.checkpoint
         assert manifest.lineage == draft.lineage
         assert manifest.created_at.tzinfo is UTC
@@ -85,12 +85,13 @@ class StoreLaws:
         with pytest.raises(ModelNotFoundError, match="there are viper"):
             published.manifest("other", 1)
         with pytest.raises(NotFoundError, match=r"it has report/loss\.svg, weights\.safetensors"):
-            published.read_file("viper", 1, "report/nothing.svg")
+            published.read_file(published.manifest("viper", 1), "report/nothing.svg")
 
     def test_a_reader_says_how_much_it_takes(self, published):
-        assert published.read_file("viper", 1, "weights.safetensors", limit_bytes=7000)
+        manifest = published.manifest("viper", 1)
+        assert published.read_file(manifest, "weights.safetensors", limit_bytes=7000)
         with pytest.raises(ArtefactTooLargeError, match="7000 bytes"):
-            published.read_file("viper", 1, "weights.safetensors", limit_bytes=6999)
+            published.read_file(manifest, "weights.safetensors", limit_bytes=6999)
 
     @pytest.mark.parametrize(
         "bad",

@@ -91,7 +91,7 @@ def test_the_same_config_gives_the_same_weights_and_a_resumed_one_too(store):
 def test_reports_are_json_with_every_run(store):
     manifest = published(store)
     for part in ("train", "test"):
-        report = json.loads(store.read_file("unit", manifest.version, f"report/{part}.json"))
+        report = json.loads(store.read_file(manifest, f"report/{part}.json"))
         assert [each["run"] for each in report["by_run"]] == manifest.lineage.split[part]
 
 
@@ -103,7 +103,7 @@ def test_slopes_left_out_of_their_series_are_in_the_manifest_and_the_report(stor
     assert {(row["mass_kg"], row["torque_nm"]) for row in rows} == {(430, 60)}
     left_out = {row["run"]: row["model"] for row in manifest.metrics["left_out"]["by_run"]}
     assert all(row["model"] != left_out[row["run"]] for row in rows)
-    page = store.read_file("unit", manifest.version, "report/left_out.md").decode()
+    page = store.read_file(manifest, "report/left_out.md").decode()
     assert "## One slope left out of its series" in page
 
 

@@ -343,7 +343,7 @@ def test_a_dataset_that_a_version_was_trained_on_stays(admin):
     taken = upload(admin, archive(seed=0.09)).json()
     version = publish_version(admin.store, "trained-on-it")
     manifest = admin.store.manifest("trained-on-it", version)
-    files = {"weights.safetensors": admin.store.read_file("trained-on-it", version, "weights.safetensors")}
+    files = {"weights.safetensors": admin.store.read_file(manifest, "weights.safetensors")}
     said = {name: getattr(manifest, name) for name in ManifestDraft.model_fields}
     admin.store.publish("trained-on-it", files, ManifestDraft(**said | {"lineage": Lineage(datasets=[taken["id"]])}))
 

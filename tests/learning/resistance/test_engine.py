@@ -45,7 +45,7 @@ HORIZONS = st.floats(-4, math.log10(600)).map(lambda exponent: 10**exponent)
 def shipped(request: pytest.FixtureRequest) -> ResistanceProcess:
     store = ModelStore.open(str(Path(model_store.__file__).parent))
     manifest = store.manifest("viper-lunar", request.param)
-    model = restore_model(manifest.checkpoint, store.read_file("viper-lunar", request.param, "weights.safetensors"))
+    model = restore_model(manifest.checkpoint, store.read_file(manifest, "weights.safetensors"))
     assert isinstance(model, ResistanceProcess)
     return model
 
