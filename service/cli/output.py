@@ -11,6 +11,8 @@ from rich.text import Text
 
 # A table that is piped has no screen to fit: wide enough that no cell is folded.
 _PIPED_WIDTH = 240
+SECONDS_BETWEEN_NOTES = 10.0
+"""How often progress is told in lines, where no terminal shows a bar."""
 
 
 def print_json(content: object) -> None:

@@ -12,7 +12,7 @@ _FOREIGN = re.compile(r"\\|^[A-Za-z]:|^~")
 
 
 def printable(text: str) -> str:
-    """The text with escapes for what a terminal would obey or JSON cannot hold."""
+    """One line that UTF-8 can carry: escaped is what a terminal would obey or JSON cannot hold."""
     if text.isprintable():
         return text
     return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)

@@ -11,11 +11,10 @@ from service.datasets.passport import Passport
 from service.datasets.readers.chrono_text import TextTable
 from service.datasets.readers.column_map import ColumnMap, resolve
 from service.datasets.report import RejectedDatasetError, ValidationReport, make_report
-from service.datasets.run import Dataset, Run
+from service.datasets.run import MAX_TOTAL_ROWS, Dataset, Run
 from service.datasets.run_table import RunEntry
 from service.datasets.summary import summarise
 
-MAX_TOTAL_ROWS = 20_000_000
 Progress = Callable[[int, int, str], None]
 """Called before each file with (files done, files in all, file)."""
 

@@ -20,14 +20,11 @@ from pyarrow import parquet as pq
 from service.datasets.columns import BY_NAME, COLUMNS, MAX_COLUMNS, REQUIRED
 from service.datasets.digest import stored_integers
 from service.datasets.passport import Passport, parse_passport
-from service.datasets.run import Array, Dataset, Run
+from service.datasets.run import MAX_ROWS_PER_RUN, MAX_RUNS, MAX_TOTAL_ROWS, Array, Dataset, Run
 from service.errors import DatasetError, InvalidValueError
 
 FORMAT = "rover-twin-runs/1"
 PRECISION = 9
-MAX_RUNS = 10_000
-MAX_ROWS_PER_RUN = 2_000_000
-MAX_TOTAL_ROWS = 20_000_000
 _TEXTS = ("run", "set")
 _SCENARIO = ("slope_deg", "mass_kg", "torque_nm", "horizon_s")
 _META_FORMAT, _META_NAME, _META_PASSPORT = b"rover-twin.format", b"rover-twin.name", b"rover-twin.passport"

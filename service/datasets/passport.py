@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from service.datasets.canonical import canonical_json
 from service.errors import DatasetError
 
+PASSPORT_FILE = "passport.json"
 FORMAT = "rover-twin-passport"
 MAJOR = 1
 MAX_BYTES = 1024 * 1024
@@ -84,7 +85,7 @@ class Passport(_Open):
         return canonical_json(self.model_dump(mode="json", exclude_unset=True))
 
 
-def parse_passport(data: bytes, *, file: str = "passport.json") -> Passport:
+def parse_passport(data: bytes, *, file: str = PASSPORT_FILE) -> Passport:
     """Read a passport. Raises DatasetError naming the field, its value and what is expected."""
     if len(data) > MAX_BYTES:
         raise DatasetError(f"{file} has {len(data)} bytes, allowed are at most {MAX_BYTES}")

@@ -15,6 +15,11 @@ from service.errors import InvalidValueError
 
 Array = npt.NDArray[np.float64]
 
+# What a dataset may have, wherever it is read from.
+MAX_RUNS = 10_000
+MAX_ROWS_PER_RUN = 2_000_000
+MAX_TOTAL_ROWS = 20_000_000
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:

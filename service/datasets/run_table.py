@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 from service.datasets.findings import Code, Finding, reject
+from service.datasets.run import MAX_RUNS
 from service.errors import DatasetError
 
 FILE = "runs.csv"
 MAX_BYTES = 16 * 1024 * 1024
-MAX_RUNS = 10_000
 
 # field: lowest, highest (the service's own limits), and the wrong unit to suspect with units per right unit
 SCENARIO_LIMITS: dict[str, tuple[float, float, str, float]] = {

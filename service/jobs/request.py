@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
 
 from model_store import DatasetRecord, ModelStore
-from service.datasets.passport import Passport, parse_passport
+from service.datasets.passport import MAX_BYTES as MAX_PASSPORT_BYTES
+from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
 from service.errors import DatasetError, InvalidValueError, TrainingError
 from service.learning.network.fit_config import FitConfig
+from service.learning.split import SLOPE_TOLERANCE_DEG, is_among
 from service.training.config import ArchitectureName, InputName, PriorName, TrainingConfig, XForm
 from service.training.stored_dataset import RUNS_FILE
 
@@ -21,10 +23,7 @@ if TYPE_CHECKING:
 
 _DEFAULTS = {name: field.default for name, field in TrainingConfig.model_fields.items()}
 _FIT = FitConfig()
-_PASSPORT_FILE = "passport.json"
-_MAX_PASSPORT_BYTES = 1 << 20
 _FEWEST_RUNS_OF_A_PROCESS = 3
-_SLOPE_TOLERANCE_DEG = 1e-6
 _MOST_BYTES_LOOKED_AT = 256 << 20
 _NAMED = 4
 
@@ -149,8 +148,7 @@ def _require_agreement(store: ModelStore, records: Sequence[DatasetRecord]) -> N
 
 
 def _passport(store: ModelStore, record: DatasetRecord) -> Passport:
-    text = store.read_dataset_file(record.id, _PASSPORT_FILE, limit_bytes=_MAX_PASSPORT_BYTES)
-    return parse_passport(text, file=_PASSPORT_FILE)
+    return parse_passport(store.read_dataset_file(record.id, PASSPORT_FILE, limit_bytes=MAX_PASSPORT_BYTES))
 
 
 def _runs_of(
@@ -185,11 +183,11 @@ def _require_split(slopes: Sequence[float], request: TrainingJobRequest) -> None
     """As `service.learning.split` will divide the runs."""
     asked = request.split.test_slopes_deg
     for slope in asked:
-        if not any(_same_slope(slope, each) for each in slopes):
+        if not is_among(slope, slopes):
             there = sorted({round(each, 6) for each in slopes}, key=lambda each: abs(each - slope))[:_NAMED]
             nearest = ", ".join(f"{each:g}" for each in sorted(there))
             raise InvalidValueError("split.test_slopes_deg", slope, f"slopes of runs; nearest are {nearest}")
-    others = sum(not any(_same_slope(slope, each) for slope in asked) for each in slopes)
+    others = sum(not is_among(each, asked) for each in slopes)
     _require_enough(others - round(request.split.test_fraction * others), len(slopes), request)
 
 
@@ -198,10 +196,6 @@ def _require_enough(left: int, runs: int, request: TrainingJobRequest) -> None:
     if left < least:
         allowed = f"one that leaves {least} of the {runs} runs to train on"
         raise InvalidValueError("split", request.split.model_dump(mode="json"), allowed)
-
-
-def _same_slope(one: float, other: float) -> bool:
-    return abs(one - other) <= _SLOPE_TOLERANCE_DEG
 
 
 def _require_likely_runs(records: Sequence[DatasetRecord], request: TrainingJobRequest) -> None:
@@ -233,11 +227,9 @@ def _slopes(record: DatasetRecord) -> tuple[float, float]:
 
 def _has_slope(record: DatasetRecord, slope: float) -> bool:
     lowest, highest = _slopes(record)
-    return lowest - _SLOPE_TOLERANCE_DEG <= slope <= highest + _SLOPE_TOLERANCE_DEG
+    return lowest - SLOPE_TOLERANCE_DEG <= slope <= highest + SLOPE_TOLERANCE_DEG
 
 
 def _all_at(record: DatasetRecord, slopes: Sequence[float]) -> bool:
     lowest, highest = _slopes(record)
-    return highest - lowest <= _SLOPE_TOLERANCE_DEG and any(
-        abs(lowest - slope) <= _SLOPE_TOLERANCE_DEG for slope in slopes
-    )
+    return highest - lowest <= SLOPE_TOLERANCE_DEG and is_among(lowest, slopes)

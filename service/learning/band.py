@@ -30,6 +30,7 @@ from service.learning.error_scale import ErrorScale
 from service.learning.left_out import LeftOutErrors, look_times
 from service.learning.neighbourhood import Neighbourhood, chunks
 from service.learning.observed import ObservedRun
+from service.learning.weights import read_weights
 from service.physics.scenario import Array, Positions, Scenarios
 
 BAND_FILE = "report/band.safetensors"
@@ -153,11 +154,7 @@ class Band:
     @classmethod
     def read(cls, description: Mapping[str, Any], content: bytes, domain: Domain) -> Self:
         """`restore` from the bytes of `BAND_FILE`, the tensors as safetensors; raises CheckpointError."""
-        try:
-            tensors = safetensors.numpy.load(content)
-        except (safetensors.SafetensorError, ValueError, KeyError) as error:
-            raise CheckpointError(f"the band cannot be read as safetensors: {error}") from error
-        return cls.restore(description, tensors, domain)
+        return cls.restore(description, read_weights(safetensors.numpy.load, content, "band"), domain)
 
     @classmethod
     def _restored(cls, description: Mapping[str, Any], tensors: Mapping[str, Array], known: Neighbourhood) -> Self:

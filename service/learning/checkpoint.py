@@ -17,7 +17,6 @@ from service.learning.trajectory_model import TrajectoryModel
 from service.learning.weights import read_weights
 from service.physics.priors import describe_prior, restore_prior
 
-WEIGHTS_FILE = "weights.safetensors"
 RESISTANCE_PROCESS = "resistance_process"
 _RESISTANCE_INPUTS = [
     {"name": "slope_deg", "unit": "deg"},

@@ -25,7 +25,7 @@ _SMALLEST_TORQUE_RATIO = (
 _LIMIT_QUANTILE = 0.99
 _SMALLEST_LIMIT = 1e-6  # degrees made radians and back must not put a lone run outside itself
 NEAREST = 3
-_MAX_RUNS = 100_000
+MAX_RUNS = 100_000
 _CELLS_AT_ONCE = 1_000_000
 
 
@@ -64,8 +64,8 @@ class Neighbourhood:
     _scale: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not 1 <= len(self.runs) <= _MAX_RUNS:
-            raise ValueError(f"the domain has {len(self.runs)} runs, allowed is 1 to {_MAX_RUNS}")
+        if not 1 <= len(self.runs) <= MAX_RUNS:
+            raise ValueError(f"the domain has {len(self.runs)} runs, allowed is 1 to {MAX_RUNS}")
         if len(self.scales) != len(COORDINATES) or not all(np.isfinite(each) and each > 0 for each in self.scales):
             raise ValueError(f"the domain's scales are {self.scales}, allowed are {len(COORDINATES)} positive numbers")
         if not (np.isfinite(self.limit) and self.limit >= 0):

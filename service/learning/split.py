@@ -7,7 +7,7 @@ says when to stop, not how good the model is; only test runs say that.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from service.errors import TrainingError
 from service.learning.observed import ObservedRun
 
 _VALIDATION_EVERY = 4  # the paper, section 4: "one data point every 4 ... saved for the validation set"
-_SLOPE_TOLERANCE_DEG = 1e-6
+SLOPE_TOLERANCE_DEG = 1e-6  # slopes that are closer are the same
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +27,11 @@ class Split:
     test: tuple[ObservedRun, ...]
 
 
+def is_among(slope_deg: float, slopes_deg: Iterable[float]) -> bool:
+    """Whether a slope is one of others, but for rounding."""
+    return any(abs(slope_deg - each) <= SLOPE_TOLERANCE_DEG for each in slopes_deg)
+
+
 def split_runs(
     runs: Sequence[ObservedRun], *, test_slopes_deg: Sequence[float] = (), test_fraction: float = 0.0, seed: int = 1
 ) -> Split:
@@ -35,9 +40,9 @@ def split_runs(
     Raises TrainingError when a slope matches no run or nothing would be left to train on.
     """
     for slope in test_slopes_deg:
-        if not any(abs(run.slope_deg - slope) <= _SLOPE_TOLERANCE_DEG for run in runs):
+        if not is_among(slope, [run.slope_deg for run in runs]):
             raise TrainingError(f"no run has slope_deg {slope:g}, so it cannot be left out for testing")
-    kept_apart = [any(abs(run.slope_deg - slope) <= _SLOPE_TOLERANCE_DEG for slope in test_slopes_deg) for run in runs]
+    kept_apart = [is_among(run.slope_deg, test_slopes_deg) for run in runs]
     others = [index for index, out in enumerate(kept_apart) if not out]
     drawn = np.random.default_rng(seed).permutation(others)[: round(test_fraction * len(others))]
     test = {index for index, out in enumerate(kept_apart) if out} | {int(index) for index in drawn}

@@ -12,9 +12,9 @@ from service.errors import CheckpointError
 T = TypeVar("T")
 
 
-def read_weights(load: Callable[[bytes], T], weights: bytes) -> T:
+def read_weights(load: Callable[[bytes], T], content: bytes, what: str = "weights") -> T:
     """What `load` (`safetensors.numpy.load` or its like) makes of the bytes. Raises CheckpointError."""
     try:
-        return load(weights)
+        return load(content)
     except (safetensors.SafetensorError, ValueError, KeyError) as error:
-        raise CheckpointError(f"the weights cannot be read as safetensors: {error}") from error
+        raise CheckpointError(f"the {what} cannot be read as safetensors: {error}") from error

@@ -11,10 +11,11 @@ from pathlib import Path
 from model_store import DatasetDraft, DatasetRecord, ModelStore
 from service.datasets import Dataset, ValidationReport, dataset_id, read_folder, read_parquet, to_parquet
 from service.datasets.intake import Progress
+from service.datasets.passport import PASSPORT_FILE
 from service.datasets.uploads.upload import read_upload
 from service.datasets.uploads.upload_form import UploadForm, UploadLimits
 from service.errors import DatasetError
-from service.training.stored_dataset import PASSPORT_FILE, RUNS_FILE, UploadResult
+from service.training.stored_dataset import RUNS_FILE, UploadResult
 
 _LISTED = 1000  # a record is a small document: names of at most so many files
 

@@ -14,10 +14,10 @@ from typing import Annotated, Any, NamedTuple, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from model_store import CorruptArtefactError, Manifest, ModelStore, NotFoundError
+from service.learning.neighbourhood import MAX_RUNS
 
 TRAIN_REPORT = "report/train.json"
 _MAX_REPORT_BYTES = 16 << 20
-_MAX_RUNS = 100_000
 
 Metres = Annotated[float, Field(ge=0)]
 
@@ -65,8 +65,8 @@ class _Evaluated(_Simulated):
 RunT = TypeVar("RunT", bound=_Simulated)
 
 
-_SIMULATED = TypeAdapter(Annotated[list[_Simulated], Field(max_length=_MAX_RUNS)])
-_EVALUATED = TypeAdapter(Annotated[list[_Evaluated], Field(max_length=_MAX_RUNS)])
+_SIMULATED = TypeAdapter(Annotated[list[_Simulated], Field(max_length=MAX_RUNS)])
+_EVALUATED = TypeAdapter(Annotated[list[_Evaluated], Field(max_length=MAX_RUNS)])
 
 
 @dataclass(frozen=True, slots=True)

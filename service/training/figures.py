@@ -21,7 +21,7 @@ from service.training.reproduce import OURS, PAPER_NETWORK, PRINTED_PRIOR, Repro
 
 _SNAPSHOTS = 12  # figures 2 and 4 of the paper
 _MOST_LINE_POINTS = 400
-_SMALLEST_CM = 0.01  # a tenth of a millimetre: where the logarithmic error axis begins
+SMALLEST_CM = 0.01  # a tenth of a millimetre: where the logarithmic error axis begins
 _PUBLISHED_CM = {PRINTED_PRIOR: 190.0, PAPER_NETWORK: 6.1}
 
 
@@ -156,7 +156,7 @@ def _error(run: ObservedRun, trials: Mapping[str, Trial]) -> Figure:
     log_cm(axes)
     for key, trial in trials.items():
         error_cm = 100 * np.hypot(trial.unseen.x_m[0] - run.x_m, trial.unseen.y_m[0] - run.y_m)
-        _line(axes, run.time_s, np.maximum(error_cm, _SMALLEST_CM), STYLES[key])
+        _line(axes, run.time_s, np.maximum(error_cm, SMALLEST_CM), STYLES[key])
     for key, published_cm in _PUBLISHED_CM.items():
         axes.plot(
             run.horizon_s, published_cm, marker="*", markersize=13, linestyle="none", clip_on=False, zorder=5,

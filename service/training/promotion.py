@@ -9,11 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from model_store import AliasNotFoundError, AliasRecord, ConflictError, ModelStore
+from model_store import DEFAULT_ALIAS, AliasNotFoundError, AliasRecord, ConflictError, ModelStore
 from service.training.gate import Comparison, compare
 
 CANDIDATE = "candidate"
-CHAMPION = "champion"
+CHAMPION = DEFAULT_ALIAS
 _TRIES = 10
 
 

@@ -15,13 +15,12 @@ from service.learning.observed import ObservedRun
 from service.physics.parameters import RegolithParameters, RoverParameters
 from service.physics.scenario import Array, Positions, Scenarios
 from service.physics.similarity import torque_ratio
-from service.training.figures import as_svg, log_cm, new_axes
+from service.training.figures import SMALLEST_CM, as_svg, log_cm, new_axes
 
 CLIMBS_ABOVE_M = 0.3  # a run that ends further up than this climbs; the others stall or slide back
 _SMALLEST_DISTANCE_M = 0.05  # relative errors: distance travelled, or this where that is less
 _TIMES = 101
 _WORST = 10
-_SMALLEST_CM = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,7 +161,7 @@ def errors_figure(evaluations: Sequence[RunEvaluation], rover: RoverParameters, 
     figure, axes = new_axes(
         "Final error of runs left out one at a time", "slope, °", "torque / (mass · gravity · wheel radius)"
     )
-    error_cm = np.maximum([100 * run.model.final_m for run in evaluations], _SMALLEST_CM)
+    error_cm = np.maximum([100 * run.model.final_m for run in evaluations], SMALLEST_CM)
     norm = LogNorm(float(error_cm.min()), max(float(error_cm.max()), 1.01 * float(error_cm.min())))
     drawn = None
     for up, marker, words in ((True, "o", "climbs"), (False, "X", "stalls or slides")):
@@ -200,7 +199,7 @@ def time_figure(evaluations: Sequence[RunEvaluation], curves: Sequence[ErrorCurv
             continue
         times = np.linspace(0.0, max(curve.time_s[-1] for curve in chosen), _TIMES)
         for level, dashes, name in ((0.5, "-", "median"), (0.9, "--", "90th percentile")):
-            error_cm = np.maximum(100 * _quantile_at(times, chosen, level), _SMALLEST_CM)
+            error_cm = np.maximum(100 * _quantile_at(times, chosen, level), SMALLEST_CM)
             axes.plot(times, error_cm, dashes, color=colour, linewidth=1.8, label=f"{words}, {name} ({len(chosen)})")
     axes.legend(frameon=False, fontsize=9, loc="lower right")
     return figure

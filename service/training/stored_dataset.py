@@ -8,7 +8,6 @@ from model_store import DatasetRecord
 from service.datasets import ValidationReport
 
 RUNS_FILE = "runs.parquet"
-PASSPORT_FILE = "passport.json"
 
 
 @dataclass(frozen=True, slots=True)

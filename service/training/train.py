@@ -10,10 +10,10 @@ from typing import Any
 import safetensors.numpy
 import torch
 
-from model_store import Lineage, Manifest, ManifestDraft, ModelStore
+from model_store import WEIGHTS, Lineage, Manifest, ManifestDraft, ModelStore
 from service.learning.band import BAND_FILE, Band
 from service.learning.calibration import calibrate_prior, calibrate_wheel_resistance
-from service.learning.checkpoint import WEIGHTS_FILE, describe_model, weights_bytes
+from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
 from service.learning.evaluate import RunEvaluation, describe_evaluation, evaluate, evaluate_positions, summarise
 from service.learning.network.fit import EpochCallback, FitOutcome
@@ -28,6 +28,7 @@ from service.physics.scenario import Positions
 from service.training.architectures import Callbacks, Fitted, fit_architecture
 from service.training.config import TrainingConfig
 from service.training.data import TrainingData, load_training_data
+from service.training.evidence import TRAIN_REPORT
 from service.training.provenance import code_version, library_versions
 from service.training.report import error_curves, left_out_report
 
@@ -161,8 +162,8 @@ def publish_trained(
         lineage=_lineage(config, trained, command, job),
     )
     files = {
-        WEIGHTS_FILE: weights_bytes(trained.model),
-        "report/train.json": _report(trained.train_evaluations),
+        WEIGHTS: weights_bytes(trained.model),
+        TRAIN_REPORT: _report(trained.train_evaluations),
         "report/test.json": _report(trained.test_evaluations),
     }
     if trained.band:

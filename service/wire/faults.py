@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, Field
 
+from service.datasets.file_names import printable
 from service.errors import RoverTwinError
 
 MAX_SHOWN = 100
@@ -148,12 +149,3 @@ def _other_allowed(error: Mapping[str, Any]) -> str:
 
 def _short(text: str) -> str:
     return printable(text if len(text) <= MAX_SHOWN else text[:MAX_SHOWN] + "...")
-
-
-def printable(text: str) -> str:
-    """One line that UTF-8 can carry: control characters and lone surrogates are escaped."""
-    return text if text.isprintable() else "".join(map(_escaped, text))
-
-
-def _escaped(character: str) -> str:
-    return character if character.isprintable() else character.encode("unicode_escape").decode("ascii")

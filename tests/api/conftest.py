@@ -18,10 +18,10 @@ import numpy as np
 import pytest
 import torch
 
-from model_store import Lineage, ManifestDraft, ModelStore
+from model_store import WEIGHTS, Lineage, ManifestDraft, ModelStore
 from service.api.services import Lifecycle
 from service.app import Server, create_app, server_config
-from service.learning.checkpoint import WEIGHTS_FILE, describe_model, weights_bytes
+from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
 from service.learning.network.inputs import InputSignature
 from service.learning.network.model import PhysicsInformedModel
@@ -72,7 +72,7 @@ def publish_version(
         metrics={},
         lineage=Lineage(),
     )
-    return store.publish(name, {WEIGHTS_FILE: weights_bytes(model)}, draft).version
+    return store.publish(name, {WEIGHTS: weights_bytes(model)}, draft).version
 
 
 def move_alias(store: ModelStore, version: int, alias: str = "champion", name: str = "viper-lunar") -> None:

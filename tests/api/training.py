@@ -13,8 +13,9 @@ import httpx
 
 from model_store import DatasetDraft, ModelStore
 from service.datasets import Dataset, dataset_id, parse_passport, to_parquet
+from service.datasets.passport import PASSPORT_FILE
 from service.datasets.summary import summarise
-from service.training.dataset_import import PASSPORT_FILE, RUNS_FILE
+from service.training.stored_dataset import RUNS_FILE
 from tests.api.conftest import Running, move_alias, publish_version, serving
 from tests.training.stored import PASSPORT, stored_runs
 

@@ -6,10 +6,11 @@ from collections import Counter
 from typing import Any
 
 from model_store import AliasNotFoundError, AliasRecord, CorruptArtefactError, ModelNotFoundError, StoreError
+from service.datasets.passport import PASSPORT_FILE
 from service.errors import JobNotFoundError
 from service.jobs.job import TrainingJob
 from service.training.gate import compare
-from service.training.stored_dataset import PASSPORT_FILE, RUNS_FILE
+from service.training.stored_dataset import RUNS_FILE
 from tests.faults.crash_world import World
 from tests.jobs.nursery import until
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from model_store import DatasetDraft, ModelStore
 from service.datasets import Dataset, Run, dataset_id, parse_passport, to_parquet
+from service.datasets.passport import PASSPORT_FILE
 from service.datasets.summary import summarise
-from service.training.stored_dataset import PASSPORT_FILE, RUNS_FILE
+from service.training.stored_dataset import RUNS_FILE
 from tests.learning.synthetic import HORIZON_S, synthetic_runs
 
 PASSPORT = b"""{"format": "rover-twin-passport/1", "gravity_m_s2": 1.62, "frame": "slope frame",

@@ -43,6 +43,7 @@ from service.api.http.negotiation import NotAcceptableError
 from service.api.http.openapi import openapi_of
 from service.api.http.problems import PROBLEM_MEDIA_TYPE, PROBLEMS, Slug
 from service.api.http.worker_threads import OverloadedError
+from service.datasets.file_names import printable
 from service.datasets.findings import Finding
 from service.datasets.report import RejectedDatasetError
 from service.errors import (
@@ -58,15 +59,7 @@ from service.errors import (
 )
 from service.twin import OutsideDomainError
 from service.wire.datasets import report_document
-from service.wire.faults import (
-    MAX_FAULTS,
-    InputFault,
-    InvalidInputError,
-    MalformedBodyError,
-    faults_of,
-    printable,
-    summary_of,
-)
+from service.wire.faults import MAX_FAULTS, InputFault, InvalidInputError, MalformedBodyError, faults_of, summary_of
 from service.wire.forms.json import domain_document
 from service.wire.prediction import ALLOWED
 

@@ -20,7 +20,8 @@ from python_multipart.multipart import MultipartParser, parse_options_header
 
 from service.api.http.exceptions import MalformedUploadError, UploadStalledError
 from service.api.http.worker_threads import OverloadedError
-from service.wire.faults import InvalidInputError, fault, printable
+from service.datasets.file_names import printable
+from service.wire.faults import InvalidInputError, fault
 
 FILE_PART = "file"
 MOST_FIELDS = 20

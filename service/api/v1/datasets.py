@@ -42,10 +42,11 @@ from service.api.v1.dataset_answers import (
     entry_of,
 )
 from service.api.v1.upload_fields import OPENAPI, asked_for
+from service.datasets.passport import PASSPORT_FILE
 from service.errors import JobError
 from service.jobs.import_process import import_in_process
 from service.jobs.preview_process import preview_in_process
-from service.training.stored_dataset import PASSPORT_FILE, RUNS_FILE, UploadResult
+from service.training.stored_dataset import RUNS_FILE, UploadResult
 from service.wire.datasets import DatasetUsers, report_document
 from service.wire.faults import InputFault, InvalidInputError, fault
 from service.wire.whole_numbers import PLAIN_INTEGER

@@ -8,8 +8,8 @@ from urllib.parse import urlencode
 
 from pydantic import BaseModel
 
+from service.datasets.file_names import printable
 from service.jobs.job import ENDED, JobEvent, TrainingJob
-from service.wire.faults import printable
 
 ADDRESS = "/v1/admin/training-jobs"
 

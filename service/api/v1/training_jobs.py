@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from model_store import DatasetNotFoundError, InvalidReferenceError, ModelStore
+from model_store.layout import is_job_id
 from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute
 from service.api.http.event_stream import EventStream
 from service.api.http.negotiation import choose
@@ -43,7 +44,6 @@ _LOOK_AGAIN_S = 2
 _LOG_FORMS = {"text": "text/plain", "json": "application/json"}
 _EXAMPLE_ID = "0f0e3b5c-6b43-4d0f-a5a5-3a7d3f0b8a10"
 _HIGHEST_EVENT = 999_999_999
-_JOB_ID = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 
 _Limit = Annotated[int, Field(ge=1, le=500, description="Most entries on a page.", examples=[50]), PLAIN_INTEGER]
 _After = Annotated[
@@ -118,7 +118,7 @@ async def _known_id(
     job_id: Annotated[str, Path(description="Id of a training job.", examples=[_EXAMPLE_ID])],
 ) -> str:
     """In an address a malformed id is simply one that does not exist."""
-    if not _JOB_ID.fullmatch(job_id):
+    if not is_job_id(job_id):
         raise JobNotFoundError(f"there is no training job '{job_id[:100]}'")
     return job_id
 

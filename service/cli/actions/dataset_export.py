@@ -18,8 +18,9 @@ from model_store import ModelStore
 from service.cli.failures import UsageError
 from service.cli.views.file_progress import Report
 from service.datasets import Dataset, Run, dataset_id, read_folder, read_parquet
+from service.datasets.passport import PASSPORT_FILE
 from service.errors import DatasetError
-from service.training.stored_dataset import PASSPORT_FILE, RUNS_FILE
+from service.training.stored_dataset import RUNS_FILE
 
 # Our files have canonical headers, whatever the files looked like that a passport's own column map describes.
 _OUR_COLUMNS = "rover-twin"

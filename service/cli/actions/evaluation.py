@@ -11,11 +11,11 @@ from service.cli.failures import UsageError
 from service.cli.threads import use_threads
 from service.learning.evaluate import RunEvaluation, evaluate, summarise
 from service.learning.observed import ObservedRun
+from service.learning.split import is_among
 from service.training.data import TrainingData, load_training_data
 from service.twin import Twin
 from service.twin.load import load_twin
 
-_SLOPE_TOLERANCE_DEG = 1e-6
 ROLES = ("train", "test", "new")
 
 
@@ -86,14 +86,10 @@ def roles_of(manifest: Manifest) -> dict[str, str]:
 
 def _at_slopes(runs: Sequence[ObservedRun], slopes_deg: Sequence[float]) -> list[ObservedRun]:
     for slope in slopes_deg:
-        if not any(abs(run.slope_deg - slope) <= _SLOPE_TOLERANCE_DEG for run in runs):
+        if not is_among(slope, [run.slope_deg for run in runs]):
             there = ", ".join(f"{each:g}" for each in sorted({run.slope_deg for run in runs}))
             raise UsageError(f"--slope-deg {slope:g}: no run is at this slope; there are {there}")
-    return [
-        run
-        for run in runs
-        if not slopes_deg or any(abs(run.slope_deg - slope) <= _SLOPE_TOLERANCE_DEG for slope in slopes_deg)
-    ]
+    return [run for run in runs if not slopes_deg or is_among(run.slope_deg, slopes_deg)]
 
 
 def _inside(twin: Twin, run: RunEvaluation) -> bool:

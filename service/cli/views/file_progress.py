@@ -10,9 +10,8 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from service.cli.output import note
+from service.cli.output import SECONDS_BETWEEN_NOTES, note
 
-_SECONDS_BETWEEN_LINES = 10.0
 Report = Callable[[int, int, str], None]
 
 
@@ -33,7 +32,7 @@ def _lines(verb: str) -> Report:
 
     def report(done: int, total: int, file: str) -> None:
         nonlocal last
-        if time.monotonic() - last >= _SECONDS_BETWEEN_LINES:
+        if time.monotonic() - last >= SECONDS_BETWEEN_NOTES:
             last = time.monotonic()
             note(f"{verb} {file}, {done} of {total} done")
 

@@ -13,9 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from service.cli.output import note
-
-_SECONDS_BETWEEN_LINES = 10.0
+from service.cli.output import SECONDS_BETWEEN_NOTES, note
 
 
 class JobProgressView(Protocol):
@@ -75,7 +73,7 @@ class PlainView:
     def progress(self, reached: Mapping[str, Any]) -> None:
         """The job has come so far."""
         now = time.monotonic()
-        if reached["phase"] == self._phase and now - self._last < _SECONDS_BETWEEN_LINES:
+        if reached["phase"] == self._phase and now - self._last < SECONDS_BETWEEN_NOTES:
             return
         self._phase, self._last = reached["phase"], now
         parts = (

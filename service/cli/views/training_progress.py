@@ -11,10 +11,8 @@ from typing import Protocol, Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from service.cli.output import note
+from service.cli.output import SECONDS_BETWEEN_NOTES, note
 from service.learning.network.fit import FitProgress
-
-_SECONDS_BETWEEN_LINES = 10.0
 
 
 class TrainingProgress(Protocol):
@@ -50,7 +48,7 @@ class PlainProgress:
     def epoch(self, progress: FitProgress) -> None:
         """An epoch is finished."""
         now = time.monotonic()
-        if progress.epoch < progress.epochs and now - self._last < _SECONDS_BETWEEN_LINES:
+        if progress.epoch < progress.epochs and now - self._last < SECONDS_BETWEEN_NOTES:
             return
         self._last = now
         note(

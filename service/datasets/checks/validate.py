@@ -8,7 +8,7 @@ from service.datasets.checks import motion, times, values
 from service.datasets.checks.candidate import Candidate
 from service.datasets.digest import content_digest
 from service.datasets.findings import Code, Finding, reject, warn
-from service.datasets.passport import Passport
+from service.datasets.passport import PASSPORT_FILE, Passport
 from service.datasets.run import Run
 from service.datasets.run_table import FILE as RUN_TABLE
 from service.datasets.run_table import RunEntry, radians_suspected
@@ -41,7 +41,7 @@ def check_passport(passport: Passport) -> Iterator[Finding]:
     """The frame is the slope frame, as far as its description tells."""
     if "slope" not in passport.frame.lower():
         message = f"frame is {passport.frame[:80]!r}, expected a slope frame (x along the slope, y normal to it)"
-        yield warn("passport.json", Code.FRAME, message)
+        yield warn(PASSPORT_FILE, Code.FRAME, message)
 
 
 def check_entries(entries: Sequence[RunEntry]) -> Iterator[Finding]:

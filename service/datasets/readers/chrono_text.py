@@ -17,8 +17,8 @@ from service.datasets.columns import MAX_COLUMNS
 from service.datasets.findings import Code, UnusableFileError, reject
 from service.datasets.readers.number_grid import parse_grid
 from service.datasets.readers.source import DEFAULT_MAX_BYTES, read_bounded
+from service.datasets.run import MAX_ROWS_PER_RUN
 
-MAX_ROWS = 2_000_000
 COMMENTS = (b"#", b"//", b"%", b"!")
 
 # first bytes of lines that hold no data, or have leading space
@@ -64,7 +64,7 @@ def parse_text(data: bytes, *, file: str = "file") -> TextTable:
     return TextTable(header_names(text, len(grid.columns), file=file), grid.columns, grid.lines)
 
 
-def split_text(data: bytes, *, file: str = "file", max_rows: int = MAX_ROWS) -> SplitText:
+def split_text(data: bytes, *, file: str = "file", max_rows: int = MAX_ROWS_PER_RUN) -> SplitText:
     """Rows, header and comment of a text. Raises UnusableFileError for what is no text, empty or too large."""
     text = _plain(data, file)
     body, first_line, header, comment = _split_preamble(text)

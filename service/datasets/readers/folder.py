@@ -9,20 +9,18 @@ from pathlib import Path, PurePosixPath
 
 from service.datasets.checks.validate import check_entries, check_passport
 from service.datasets.findings import MAX_LOCATED, Code, Finding, UnusableFileError, reject, warn
-from service.datasets.intake import MAX_TOTAL_ROWS, Intake, Progress
+from service.datasets.intake import Intake, Progress
 from service.datasets.passport import MAX_BYTES as PASSPORT_MAX_BYTES
-from service.datasets.passport import Passport, parse_passport
+from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
 from service.datasets.readers.chrono_text import TextTable, parse_text
 from service.datasets.readers.column_map import ColumnMap
 from service.datasets.readers.source import DEFAULT_MAX_BYTES, read_bounded
 from service.datasets.report import ValidationReport
-from service.datasets.run import Dataset
+from service.datasets.run import MAX_TOTAL_ROWS, Dataset
 from service.datasets.run_table import FILE as RUN_TABLE
 from service.datasets.run_table import MAX_BYTES as TABLE_MAX_BYTES
 from service.datasets.run_table import RunEntry, parse_run_table
 from service.errors import DatasetError, InvalidValueError
-
-PASSPORT = "passport.json"
 
 
 def read_folder(
@@ -42,7 +40,7 @@ def read_folder(
     with `strict`, when any is not; InvalidValueError for a set that runs.csv does not have.
     """
     root = Path(folder)
-    passport = parse_passport(_read_small(root / PASSPORT, PASSPORT_MAX_BYTES))
+    passport = parse_passport(_read_small(root / PASSPORT_FILE, PASSPORT_MAX_BYTES))
     table = parse_run_table(_read_small(root / RUN_TABLE, TABLE_MAX_BYTES))
     return read_listed(
         root,

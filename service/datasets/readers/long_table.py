@@ -23,7 +23,8 @@ from service.datasets.file_names import shown
 from service.datasets.findings import Code, Finding, UnusableFileError, reject
 from service.datasets.intake import Intake
 from service.datasets.readers.chrono_text import TextTable
-from service.datasets.run_table import MAX_RUNS, SCENARIO_LIMITS, RunEntry, scenario_fault
+from service.datasets.run import MAX_RUNS
+from service.datasets.run_table import SCENARIO_LIMITS, RunEntry, scenario_fault
 
 TEXT_LABELS = ("run", "set")
 NUMBER_LABELS = tuple(SCENARIO_LIMITS)

@@ -20,10 +20,10 @@ from service.datasets.file_names import upload_name
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.intake import Intake, Progress
 from service.datasets.parquet import read_parquet
-from service.datasets.passport import Passport, parse_passport
+from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
 from service.datasets.readers.chrono_text import TextTable, header_names, parse_text, split_text
 from service.datasets.readers.column_map import ColumnMap, resolve
-from service.datasets.readers.folder import PASSPORT, read_listed
+from service.datasets.readers.folder import read_listed
 from service.datasets.readers.foreign_parquet import declares_our_format, read_foreign_parquet
 from service.datasets.readers.long_table import REQUIRED_LABELS, LongTable, is_long, take_runs
 from service.datasets.readers.long_text import parse_long_text, row_width
@@ -120,7 +120,7 @@ class _UploadReader:
             raise UnusableFileError([reject(RUN_TABLE, Code.RUN_TABLE, message)])
         if tables:
             return self._listed(tables[0].parent, file)
-        files = [each for each in root.rglob("*") if each.is_file() and each.name != PASSPORT]
+        files = [each for each in root.rglob("*") if each.is_file() and each.name != PASSPORT_FILE]
         data = [each for each in files if each.name.lower().endswith(_DATA_ENDINGS)]
         if len(data) != 1:
             message = (
@@ -137,7 +137,7 @@ class _UploadReader:
 
     def _listed(self, root: Path, file: str) -> tuple[Dataset, ValidationReport]:
         """A folder with runs.csv."""
-        stored = root / PASSPORT
+        stored = root / PASSPORT_FILE
         passport, noticed = self._passport(stored.read_bytes() if stored.is_file() else None)
         try:
             table = parse_run_table((root / RUN_TABLE).read_bytes())
@@ -222,20 +222,20 @@ class _UploadReader:
                 "no passport given: VIPER on lunar regolith is assumed (gravity 1.62 m/s2, wheel radius 0.25 m); "
                 "give the field passport if anything else was simulated"
             )
-            return VIPER_ON_LUNAR_REGOLITH, [warn(PASSPORT, Code.DEFAULT_PASSPORT, message)]
+            return VIPER_ON_LUNAR_REGOLITH, [warn(PASSPORT_FILE, Code.DEFAULT_PASSPORT, message)]
         data = stored or b""
         if self.form.passport is not None:
             try:
                 data = json.dumps(self.form.passport, allow_nan=False).encode()
             except (ValueError, RecursionError) as error:
-                raise UnusableFileError([reject(PASSPORT, Code.PASSPORT, f"is not JSON: {error}")]) from error
+                raise UnusableFileError([reject(PASSPORT_FILE, Code.PASSPORT, f"is not JSON: {error}")]) from error
         try:
             passport = parse_passport(data)
         except DatasetError as error:
-            raise UnusableFileError([reject(PASSPORT, Code.PASSPORT, str(error))]) from error
+            raise UnusableFileError([reject(PASSPORT_FILE, Code.PASSPORT, str(error))]) from error
         if self.form.passport is None or stored is None:
             return passport, []
-        return passport, [warn(PASSPORT, Code.PASSPORT, "the form's passport is used, not the one in the upload")]
+        return passport, [warn(PASSPORT_FILE, Code.PASSPORT, "the form's passport is used, not the one in the upload")]
 
     def _column_map(self, passport: Passport) -> ColumnMap | None:
         if self.form.column_map is not None:
@@ -243,7 +243,7 @@ class _UploadReader:
         try:
             return ColumnMap.of(passport.column_map)
         except InvalidValueError as error:
-            raise UnusableFileError([reject(PASSPORT, Code.PASSPORT, str(error))]) from error
+            raise UnusableFileError([reject(PASSPORT_FILE, Code.PASSPORT, str(error))]) from error
 
     def _name(self, file: str) -> str:
         """The form's name, else one made of the file's."""

@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.datasets.findings import UnusableFileError
-from service.datasets.readers.chrono_text import MAX_ROWS, parse_text, read_text
+from service.datasets.readers.chrono_text import parse_text, read_text
+from service.datasets.run import MAX_ROWS_PER_RUN
 
 numbers = st.floats(min_value=-1e6, max_value=1e6, allow_nan=False)
 
@@ -135,4 +136,4 @@ def test_broken_gzip_is_told(damage):
 
 def test_too_many_rows_are_refused_before_parsing():
     with pytest.raises(UnusableFileError, match="rows, allowed is at most 2000000"):
-        parse_text(b"0 1\n" * (MAX_ROWS + 2))
+        parse_text(b"0 1\n" * (MAX_ROWS_PER_RUN + 2))
