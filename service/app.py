@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import gc
-import os
+import json
 import signal
 import socket
 import sys
-import threading
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
@@ -22,6 +21,7 @@ from fastapi import FastAPI
 
 import service
 from model_store import ModelStore
+from service import child
 from service.api import health, metrics
 from service.api.admin import AdminGate
 from service.api.http import docs
@@ -57,7 +57,6 @@ from service.twin import Twin, TwinRegistry
 
 _STORAGE_THREADS = 16
 _MAX_HEADER_BYTES = 32 * 1024
-_MOST_SETTINGS_BYTES = 1 << 20
 _Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[LifespanState]]
 
 _log = structlog.get_logger(__name__)
@@ -216,26 +215,19 @@ def run_server(settings: Settings) -> None:
 
     Raises what `create_app` raises, and SystemExit when the address cannot be listened on.
     """
+    child.reset_signals()
     if settings.workers > 1:
         run_processes(settings)
     else:
         _serve(settings)
 
 
-def run_process(index: int, descriptor: int, folder: str) -> None:
-    """Be one of several server processes (`service.processes`): number `index`, on a socket that listens already.
-
-    The settings come on stdin; when it closes, the process that started this one is gone, and this one ends too.
-    """
-    settings = Settings.model_validate_json(sys.stdin.buffer.readline(_MOST_SETTINGS_BYTES))
-
-    def end_with_the_parent() -> None:
-        sys.stdin.buffer.read()
-        os.kill(os.getpid(), signal.SIGTERM)
-
-    threading.Thread(target=end_with_the_parent, name="parent's pipe", daemon=True).start()
-    with socket.socket(fileno=descriptor) as listener:
-        _serve(settings, Instruments.shared(folder, index), [listener])
+def run_process() -> None:
+    """Be one of several server processes (`service.processes`), on a socket that listens already."""
+    given = json.loads(child.given_task())
+    settings = Settings.model_validate(given["settings"])
+    with socket.socket(fileno=given["listener"]) as listener:
+        _serve(settings, Instruments.shared(given["folder"], given["index"]), [listener])
 
 
 def _serve(

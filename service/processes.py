@@ -8,34 +8,25 @@ from __future__ import annotations
 import json
 import signal
 import socket
-import sys
 import tempfile
-import time
 from collections.abc import AsyncIterator
+from functools import partial
+from typing import Any
 
 import anyio
 import structlog
 import uvicorn
-from anyio.abc import Process, TaskGroup
+from anyio.abc import Process
 from prometheus_client.multiprocess import mark_process_dead
 
 from model_store import ModelStore
+from service import child
 from service.cpu import available_cpus
 from service.log import configure_logging
 from service.settings import Settings
 
-FIRST_PAUSE_S = 0.5
-LONGEST_PAUSE_S = 30.0
-# A process that lived this long was well: the next pause is the first one again.
-_WELL_AFTER_S = 30.0
+_PAUSES_S = 0.5, 30.0  # the first and the longest
 _END_S = 15.0  # beyond drain and grace: what a process may need to tidy up
-# with this process's own import path: a checkout that is not installed works too. Told to end while it still imports,
-# or when it has ended its work, it goes without a word.
-_PROGRAM = (
-    "import signal; signal.signal(signal.SIGINT, signal.SIG_DFL); "
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
-    "from service.app import run_process; run_process(int(sys.argv[2]), int(sys.argv[3]), sys.argv[4])"
-)
 
 _log = structlog.get_logger(__name__)
 
@@ -73,7 +64,9 @@ class _Processes:
                     for index in range(self._settings.workers):
                         lives.start_soon(self._keep, index)
                     received = await anext(signals)
-                    self._end(received, tasks)
+                    self._ending.set()
+                    self._tell(received)
+                    tasks.start_soon(self._kill_late)
                     tasks.start_soon(self._pass_on, signals)
                 tasks.cancel_scope.cancel()
         return received
@@ -82,11 +75,6 @@ class _Processes:
         """Another signal: whoever sends it does not want to wait."""
         async for received in signals:
             self._tell(received)
-
-    def _end(self, received: signal.Signals, tasks: TaskGroup) -> None:
-        self._ending.set()
-        self._tell(received)
-        tasks.start_soon(self._kill_late)
 
     def _tell(self, received: signal.Signals) -> None:
         for process in self._running.values():
@@ -99,54 +87,26 @@ class _Processes:
         self._tell(signal.SIGKILL)
 
     async def _keep(self, index: int) -> None:
-        """Keep one process running until all end."""
-        pause = FIRST_PAUSE_S
-        while not self._ending.is_set():
-            started = time.monotonic()
-            try:
-                code = await self._live(index)
-            except OSError as error:
-                code = None
-                _log.warning("a server process cannot be started", index=index, reason=str(error))
-            mark_process_dead(index, self._folder)  # type: ignore[no-untyped-call]
-            if self._ending.is_set():
-                return
-            if time.monotonic() - started >= _WELL_AFTER_S:
-                pause = FIRST_PAUSE_S
-            _log.warning("a server process ended, it is started again", index=index, code=code, pause_s=pause)
-            with anyio.move_on_after(pause):
-                await self._ending.wait()
-            pause = min(2 * pause, LONGEST_PAUSE_S)
+        await child.keep(partial(self._live, index), self._ending, _PAUSES_S, "a server process", index=index)
 
     async def _live(self, index: int) -> int:
         """One life of a process; its exit code."""
-        descriptor = self._listener.fileno()
-        process = await anyio.open_process(
-            [sys.executable, "-c", _PROGRAM, json.dumps(sys.path), str(index), str(descriptor), self._folder],
-            stdout=None,
-            stderr=None,
-            pass_fds=[descriptor],
-            start_new_session=True,  # Ctrl+C reaches this process only, which passes it on once
-        )
-        self._running[index] = process
+        listener = self._listener.fileno()
+        settings = _handed_down(self._settings, index)
+        task = json.dumps({"index": index, "listener": listener, "folder": self._folder, "settings": settings}).encode()
         try:
-            assert process.stdin is not None
-            if self._ending.is_set():  # the signal came while it started
-                process.terminate()
-            await process.stdin.send(_handed_down(self._settings, index))
-            return await process.wait()
-        except anyio.BrokenResourceError:  # it died before it read its settings
-            return await process.wait()
+            async with child.started("service.app:run_process", task=task, pass_fds=[listener]) as process:
+                self._running[index] = process
+                if self._ending.is_set():  # the signal came while it started
+                    process.terminate()
+                return await process.wait()
         finally:
-            del self._running[index]
-            with anyio.CancelScope(shield=True):
-                if process.returncode is None:
-                    process.kill()
-                await process.aclose()
+            self._running.pop(index, None)
+            mark_process_dead(index, self._folder)  # type: ignore[no-untyped-call]
 
 
-def _handed_down(settings: Settings, index: int) -> bytes:
-    """The settings of one process, through a pipe: arguments and environment show in the list of processes."""
+def _handed_down(settings: Settings, index: int) -> dict[str, Any]:
+    """The settings of one process."""
     threads = settings.threads or max(1, available_cpus() // settings.workers)
     own = settings.model_copy(
         update={"workers": 1, "threads": threads, "start_worker": settings.start_worker and index == 0}
@@ -154,4 +114,4 @@ def _handed_down(settings: Settings, index: int) -> bytes:
     fields = own.model_dump(mode="json", exclude={"admin_token"})
     if own.admin_token is not None:
         fields["admin_token"] = own.admin_token.get_secret_value()
-    return json.dumps(fields).encode() + b"\n"
+    return fields

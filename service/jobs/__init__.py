@@ -1,1 +1,1 @@
-"""Long work: importing datasets and training versions. Plain functions; the queue around them comes later."""
+"""Long work: training jobs and their queue, uploads and figures in processes of their own."""

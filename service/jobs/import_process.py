@@ -8,9 +8,6 @@ service, and what is slow in there yields to predictions. Only plain JSON crosse
 
 from __future__ import annotations
 
-import json
-import os
-import resource
 import shutil
 import signal
 import sys
@@ -19,20 +16,17 @@ from pathlib import Path
 from typing import Literal
 
 import anyio
-from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 import model_store
 from model_store import ModelStore, StoreError
+from service import child
 from service.datasets import RejectedDatasetError, ValidationReport
 from service.datasets.uploads.upload_form import UploadForm, UploadLimits
 from service.errors import DatasetError, InvalidValueError
 from service.training.stored_dataset import UploadResult
 
-NICENESS = 10
-# with this process's own import path: a checkout that is not installed works too
-_PROGRAM = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from service.jobs.import_process import main; main()"
-)
+_MAIN = "service.jobs.import_process:main"
 
 
 class ImportLimits(BaseModel):
@@ -99,18 +93,13 @@ async def import_in_process(
         limits=bounds,
     )
     try:
-        with anyio.fail_after(bounds.wall_s):
-            done = await anyio.run_process(
-                [sys.executable, "-P", "-c", _PROGRAM, json.dumps(sys.path)],
-                input=request.model_dump_json().encode(),
-                check=False,
-            )
+        done = await child.ask(_MAIN, request.model_dump_json().encode(), within_s=bounds.wall_s)
     except TimeoutError as error:
         raise DatasetError(f"reading {filename} took longer than {bounds.wall_s} s; {_SMALLER}") from error
     finally:
         with anyio.CancelScope(shield=True):
             await anyio.to_thread.run_sync(lambda: shutil.rmtree(folder, ignore_errors=True))
-    return _unwrap(done.returncode, done.stdout or b"", filename, bounds)
+    return _unwrap(done.returncode, done.stdout, filename, bounds)
 
 
 _SMALLER = "divide the runs over several uploads"
@@ -158,7 +147,7 @@ def _serve(data: bytes) -> _Answer:
     from service.training.dataset_import import import_upload  # noqa: PLC0415
 
     request = _Request.model_validate_json(data)
-    _restrain(request.limits)
+    child.restrain(cpu_s=request.limits.cpu_s, wall_s=request.limits.wall_s, memory_bytes=request.limits.memory_bytes)
     try:
         result = import_upload(
             ModelStore.open(request.store_url),
@@ -183,19 +172,7 @@ def _serve(data: bytes) -> _Answer:
     return _Answer(result=result)
 
 
-def _restrain(limits: ImportLimits) -> None:
-    """Low priority and hard bounds. The parent may be gone: the alarm ends this process then."""
-    os.nice(NICENESS)
-    resource.setrlimit(resource.RLIMIT_CPU, (limits.cpu_s, limits.cpu_s + 5))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    signal.alarm(limits.wall_s + 10)
-    if sys.platform == "linux":
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-        most = pages * resource.getpagesize() + limits.memory_bytes
-        resource.setrlimit(resource.RLIMIT_AS, (most, most))
-
-
 def main() -> None:
     """Read one request, write one answer."""
-    answer = _serve(sys.stdin.buffer.read())
-    sys.stdout.buffer.write(TypeAdapter(_Answer).dump_json(answer))
+    answer = _serve(child.given_task())
+    sys.stdout.buffer.write(answer.model_dump_json().encode())

@@ -1,25 +1,21 @@
 """Drawing a dataset in a process of its own: reading and drawing take seconds, and predictions must not wait for them.
 
-Run as a program, this module is that process: a request on stdin, the figure on stdout; or exit code 3, and on stderr
-in one line what is wrong with the dataset.
+`main` is that process: a request on stdin, the figure on stdout; or exit code 3, and on stderr in one line what is
+wrong with the dataset.
 """
 
 from __future__ import annotations
 
-import os
-import resource
-import signal
 import sys
 from typing import Literal
 
-import anyio
 from pydantic import BaseModel
 
 from model_store import CorruptArtefactError, ModelStore, StoreError
+from service import child
 from service.errors import DatasetError
 from service.training.stored_dataset import RUNS_FILE
 
-NICENESS = 10
 WALL_S = 60
 _CPU_S = 60
 _REFUSED = 3
@@ -37,13 +33,7 @@ async def preview_in_process(store_url: str, dataset: str, kind: Literal["svg", 
     Raises CorruptArtefactError when what is stored cannot be drawn, and TimeoutError after a minute.
     """
     request = _Request(store_url=store_url, dataset=dataset, kind=kind)
-    with anyio.fail_after(WALL_S):
-        done = await anyio.run_process(
-            [sys.executable, "-P", "-m", "service.jobs.preview_process"],
-            input=request.model_dump_json().encode(),
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            check=False,
-        )
+    done = await child.ask("service.jobs.preview_process:main", request.model_dump_json().encode(), within_s=WALL_S)
     if done.returncode == 0 and done.stdout:
         return done.stdout
     why = done.stderr.decode("utf-8", "replace").strip() if done.returncode == _REFUSED else ""
@@ -56,10 +46,8 @@ def main() -> None:
     from service.datasets import read_parquet  # noqa: PLC0415
     from service.training.dataset_figure import preview  # noqa: PLC0415
 
-    request = _Request.model_validate_json(sys.stdin.buffer.read())
-    os.nice(NICENESS)
-    resource.setrlimit(resource.RLIMIT_CPU, (_CPU_S, _CPU_S + 5))
-    signal.alarm(WALL_S + 10)  # the parent may be gone
+    request = _Request.model_validate_json(child.given_task())
+    child.restrain(cpu_s=_CPU_S, wall_s=WALL_S)
     try:
         runs = ModelStore.open(request.store_url).read_dataset_file(request.dataset, RUNS_FILE)
         figure = preview(read_parquet(runs, columns=()), kind=request.kind)
@@ -67,7 +55,3 @@ def main() -> None:
         print(str(error).replace("\n", " "), file=sys.stderr)
         sys.exit(_REFUSED)
     sys.stdout.buffer.write(figure)
-
-
-if __name__ == "__main__":
-    main()

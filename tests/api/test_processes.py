@@ -107,7 +107,8 @@ def test_an_interrupt_is_passed_on_once_and_ends_without_a_traceback_also_while_
     _, ready = several()
     below = everything_below(ready)
     environment = os.environ | {"ROVER_TWIN_PORT": "0", "ROVER_TWIN_STORE_URL": store.location}
-    run = [sys.executable, "-m", "service", "serve", "--workers", str(WORKERS)]
+    in_background = ["sh", "-c", 'trap "" INT; exec "$@"', "sh"]  # as a script leaves it to what it starts with `&`
+    run = [*in_background, sys.executable, "-m", "service", "serve", "--workers", str(WORKERS)]
     with subprocess.Popen(run, env=environment, stderr=subprocess.PIPE, text=True) as starting:
         eventually(lambda: len(servers(starting)) == WORKERS)
         time.sleep(0.3)  # until Python itself has started
