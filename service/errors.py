@@ -3,6 +3,7 @@
     RoverTwinError
     ├── InvalidValueError     a value outside its allowed range (also ValueError); names field, value, allowed
     ├── DatasetError          a dataset or one of its files cannot be used
+    ├── DatasetInUseError     a dataset cannot be deleted; names the versions and jobs that need it
     ├── CheckpointError       a stored version cannot become a twin
     ├── TrainingError         a training run could not start or finish
     └── JobError              a training job or their queue
@@ -16,6 +17,8 @@ The store keeps its own tree (`model_store/errors.py`), since it imports nothing
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 
 class RoverTwinError(Exception):
@@ -32,6 +35,16 @@ class InvalidValueError(RoverTwinError, ValueError):
 
 class DatasetError(RoverTwinError):
     """A dataset, or a file of it, cannot be used as it is."""
+
+
+class DatasetInUseError(RoverTwinError):
+    """A dataset cannot be deleted: `versions` (name@number) and unfinished `jobs` (ids) name it."""
+
+    def __init__(self, dataset: str, versions: Sequence[str], jobs: Sequence[str]) -> None:
+        self.versions, self.jobs = list(versions), list(jobs)
+        users = [f"version {each}" for each in versions[:5]] + [f"training job {each}" for each in jobs[:5]]
+        more = len(self.versions) + len(self.jobs) - len(users)
+        super().__init__(f"dataset {dataset} is named by {', '.join(users)}" + (f" and {more} more" if more else ""))
 
 
 class CheckpointError(RoverTwinError):

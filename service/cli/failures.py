@@ -8,7 +8,14 @@ from enum import IntEnum
 import typer
 from pydantic import ValidationError
 
-from service.errors import IdempotencyKeyError, InvalidValueError, JobNotFoundError, JobStateError, RoverTwinError
+from service.errors import (
+    DatasetInUseError,
+    IdempotencyKeyError,
+    InvalidValueError,
+    JobNotFoundError,
+    JobStateError,
+    RoverTwinError,
+)
 
 
 class ExitCode(IntEnum):
@@ -74,7 +81,7 @@ def _code_of(error: Exception) -> ExitCode | None:
 
     if isinstance(error, (NotFoundError, JobNotFoundError)):
         return ExitCode.NOT_FOUND
-    if isinstance(error, (RefusedError, JobStateError)):
+    if isinstance(error, (RefusedError, DatasetInUseError, JobStateError)):
         return ExitCode.REFUSED
     if isinstance(error, (*_WRONG_USAGE, InvalidReferenceError, InvalidDraftError, SettingsError)):
         return ExitCode.USAGE

@@ -30,7 +30,6 @@ from model_store import (
 )
 from service.api.http.exceptions import (
     AdminOffError,
-    DatasetInUseError,
     MalformedUploadError,
     NotReadyError,
     PreconditionFailedError,
@@ -49,6 +48,7 @@ from service.datasets.report import RejectedDatasetError
 from service.errors import (
     CheckpointError,
     DatasetError,
+    DatasetInUseError,
     IdempotencyKeyError,
     InvalidValueError,
     JobNotFoundError,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from starlette.exceptions import HTTPException
 
 from service.errors import RoverTwinError
@@ -38,16 +36,6 @@ class MalformedUploadError(RoverTwinError):
 
 class UploadStalledError(RoverTwinError):
     """An upload stopped coming in."""
-
-
-class DatasetInUseError(RoverTwinError):
-    """A dataset cannot be deleted: `versions` (name@number) and unfinished `jobs` (ids) name it."""
-
-    def __init__(self, dataset: str, versions: Sequence[str], jobs: Sequence[str]) -> None:
-        self.versions, self.jobs = list(versions), list(jobs)
-        users = [f"version {each}" for each in versions[:5]] + [f"training job {each}" for each in jobs[:5]]
-        more = len(self.versions) + len(self.jobs) - len(users)
-        super().__init__(f"dataset {dataset} is named by {', '.join(users)}" + (f" and {more} more" if more else ""))
 
 
 class PreconditionFailedError(RoverTwinError):

@@ -25,7 +25,6 @@ from model_store import (
     layout,
 )
 from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute, require_admin
-from service.api.http.exceptions import DatasetInUseError
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import query_pairs
@@ -44,6 +43,7 @@ from service.api.v1.dataset_answers import (
 from service.api.v1.upload_fields import OPENAPI, asked_for
 from service.datasets.passport import PASSPORT_FILE
 from service.errors import JobError
+from service.jobs.dataset_users import delete_unused, jobs_of
 from service.jobs.import_process import import_in_process
 from service.jobs.preview_process import preview_in_process
 from service.training.stored_dataset import RUNS_FILE, UploadResult
@@ -265,7 +265,7 @@ def _found(store: ModelStore, reference: str) -> DatasetRecord:
 def _described(services: Services, reference: str) -> DatasetAnswer:
     record = _found(services.store, reference)
     try:
-        jobs = _jobs_using(services, record.id)
+        jobs = jobs_of(services.jobs, record.id)
     except JobError:
         jobs = None
     return DatasetAnswer(
@@ -275,10 +275,6 @@ def _described(services: Services, reference: str) -> DatasetAnswer:
         files=record.files,
         used_by=DatasetUsers(versions=services.store.datasets_in_use().get(record.id, []), jobs=jobs),
     )
-
-
-def _jobs_using(services: Services, identity: str) -> list[str]:
-    return [] if services.jobs is None else list(services.jobs.active_datasets().get(identity, ()))
 
 
 def _opened(store: ModelStore, reference: str) -> tuple[int, dict[str, str], Iterator[bytes]]:
@@ -301,9 +297,5 @@ def _delete(services: Services, identity: str) -> None:
     if not layout.is_dataset_id(identity):
         record = _found(services.store, identity)
         raise InvalidInputError(fault("dataset", identity, f"the whole id, {record.id}"))
-    # by the id alone: also a damaged dataset, or what a killed deletion left, can be deleted
-    versions = services.store.datasets_in_use().get(identity, [])
-    jobs = _jobs_using(services, identity)
-    if versions or jobs:
-        raise DatasetInUseError(identity, versions, jobs)
-    services.store.delete_dataset(identity)
+    # by the id alone: what is damaged cannot be looked up
+    delete_unused(services.store, services.jobs, identity)

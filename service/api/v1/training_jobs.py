@@ -9,7 +9,7 @@ from fastapi import APIRouter, Body, Depends, Header, Path, Query, Request, Resp
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from model_store import DatasetNotFoundError, InvalidReferenceError, ModelStore
+from model_store import DatasetNotFoundError, InvalidReferenceError
 from model_store.layout import is_job_id
 from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute
 from service.api.http.event_stream import EventStream
@@ -17,7 +17,7 @@ from service.api.http.negotiation import choose
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import words_of
-from service.api.services import TheServices
+from service.api.services import Services, TheServices
 from service.api.v1.idempotency import idempotency_key
 from service.api.v1.job_answers import (
     ADDRESS,
@@ -35,7 +35,8 @@ from service.api.v1.job_events import follow, new_events, read_log
 from service.errors import InvalidValueError, JobNotFoundError, JobsUnavailableError
 from service.jobs.job import JobState, TrainingJob
 from service.jobs.queue import JobQueue
-from service.jobs.request import TrainingJobRequest, check_request
+from service.jobs.request import TrainingJobRequest
+from service.jobs.submission import submit
 from service.wire.faults import InputFault, InvalidInputError
 from service.wire.whole_numbers import PLAIN_INTEGER
 
@@ -157,31 +158,18 @@ async def start_job(
     services: TheServices,
 ) -> JobAnswer:
     """Train a new version of a model on stored datasets. A request that cannot succeed is refused at once."""
-    job = await _known(services, queue, key, asked) or await _queued(services, queue, asked, actor, key)
+    job = await services.job_calls.run(lambda: _submitted(services, queue, asked, actor, key))
     response.headers["Location"] = f"{ADDRESS}/{job.id}"
     response.headers["Retry-After"] = str(_LOOK_AGAIN_S)
     return answer_of(job)
 
 
-async def _known(
-    services: TheServices, queue: JobQueue, key: str | None, asked: TrainingJobRequest
-) -> TrainingJob | None:
-    """What this request has started before; its datasets may be gone since, so it is not checked again."""
-    return None if key is None else await services.job_calls.run(lambda: queue.find(key, asked))
-
-
-async def _queued(
-    services: TheServices, queue: JobQueue, asked: TrainingJobRequest, actor: str, key: str | None
+def _submitted(
+    services: Services, queue: JobQueue, asked: TrainingJobRequest, actor: str, key: str | None
 ) -> TrainingJob:
-    checked = await services.storage.run(lambda: _checked(services.store, asked))
-    job, _ = await services.job_calls.run(lambda: queue.submit(checked, actor=actor, key=key, asked=asked))
-    return job
-
-
-def _checked(store: ModelStore, asked: TrainingJobRequest) -> TrainingJobRequest:
     """A dataset that is not there is a wrong value here, not a wrong address."""
     try:
-        return check_request(store, asked)
+        return submit(services.store, queue, asked, actor=actor, key=key)[0]
     except (DatasetNotFoundError, InvalidReferenceError) as error:
         names = ", ".join(asked.datasets)
         words = words_of(TrainingJobRequest)["datasets"]
