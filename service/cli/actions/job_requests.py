@@ -6,9 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from service.jobs.request import TrainingJobRequest
-from service.jobs.submission import submit
-
-__all__ = ["request_of", "submit"]
 
 
 def request_of(given: Mapping[str, Any]) -> TrainingJobRequest:

@@ -143,7 +143,8 @@ def start_job(
       rover-twin jobs start --model my-rover --dataset my-runs --key monday
       rover-twin jobs list
     """
-    from service.cli.actions.job_requests import request_of, submit
+    from service.cli.actions.job_requests import request_of
+    from service.jobs.submission import submit
 
     request = request_of(
         {

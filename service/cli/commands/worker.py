@@ -6,17 +6,11 @@ import os
 import signal
 import sys
 import threading
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import typer
 
 from service.cli import options
-
-if TYPE_CHECKING:
-    from service.settings import Settings
-
-_NICENESS = 10
-_MOST_SETTINGS_BYTES = 1 << 20
 
 
 def worker(
@@ -44,11 +38,17 @@ def worker(
     All jobs that wait now, then end, as in a nightly batch:
       rover-twin worker --once
     """
+    from service import child
+    from service.settings import Settings, load_settings
+
     if hasattr(os, "nice"):
-        os.nice(_NICENESS)  # before any library starts threads, which inherit it
-    ending = threading.Event()
-    settings = _given_settings(ending) if supervised else _own_settings(threads, log_level, store)
+        os.nice(child.NICENESS)  # before any library starts threads, which inherit it
+    if supervised:
+        settings = Settings.model_validate_json(child.given_task())
+    else:
+        settings = load_settings(worker_threads=threads, log_level=log_level, store_url=store)
     os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = str(settings.worker_threads)
+    ending = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ending.set())
 
@@ -60,23 +60,3 @@ def worker(
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)  # dbos leaves threads that wait for jobs which others run now
-
-
-def _own_settings(threads: int | None, log_level: str | None, store: str | None) -> Settings:
-    from service.settings import load_settings
-
-    return load_settings(worker_threads=threads, log_level=log_level, store_url=store)
-
-
-def _given_settings(ending: threading.Event) -> Settings:
-    """What the supervisor writes into the pipe first; the pipe closes when it is gone, which ends this worker."""
-    from service.settings import Settings
-
-    settings = Settings.model_validate_json(sys.stdin.buffer.readline(_MOST_SETTINGS_BYTES))
-
-    def wait_for_the_end() -> None:
-        sys.stdin.buffer.read()
-        ending.set()
-
-    threading.Thread(target=wait_for_the_end, name="supervisor's pipe", daemon=True).start()
-    return settings
