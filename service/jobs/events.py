@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from datetime import UTC, datetime
 from typing import Any
@@ -9,11 +10,14 @@ from typing import Any
 from dbos import DBOS
 
 from service.jobs.job import EVENTS, STATUS, EventKind, JobProgress
+from service.learning.network.fit import FitProgress
 
 _LEAST_PAUSE_S = 0.5
 # Pauses grow with the age of the job, which bounds its events: about 2,000 in a day.
 _PAUSE_PER_S = 1 / 240
 _MOST_CHARACTERS = 1000
+# Where in a job each phase begins, as a share of the whole.
+_SHARES = {"loading": 0.0, "fitting": 0.05, "evaluating": 0.85, "publishing": 0.95, "judging": 0.98, "done": 1.0}
 
 
 class JobReport:
@@ -33,16 +37,30 @@ class JobReport:
         """A line for people."""
         self._event("log", {"message": message[:_MOST_CHARACTERS]})
 
-    def progress(self, progress: JobProgress) -> None:
-        """Where the job stands, whatever was said last."""
+    def phase(self, phase: str, part: float) -> None:
+        """The job is `part` of the way through a phase."""
+        self._progress(JobProgress(phase=phase, fraction=_share(phase, part)))
+
+    def epoch(self, reached: FitProgress) -> None:
+        """An epoch of the fit is finished; told when enough time has passed since the last progress."""
+        now = time.monotonic()
+        if now - self._last < max(_LEAST_PAUSE_S, (now - self._began) * _PAUSE_PER_S):
+            return
+        progress = JobProgress(
+            phase="fitting",
+            fraction=_share("fitting", reached.epoch / reached.epochs),
+            epoch=reached.epoch,
+            epochs=reached.epochs,
+            train_error_m=math.sqrt(reached.train_loss_m2),
+            validation_error_m=math.sqrt(reached.validation_loss_m2),
+            eta_s=reached.remaining_s,
+        )
+        self._progress(progress)
+
+    def _progress(self, progress: JobProgress) -> None:
         self._last = time.monotonic()
         self._event("progress", progress.model_dump(mode="json"))
         self._note(progress)
-
-    def is_time(self) -> bool:
-        """Whether enough time has passed for another progress."""
-        now = time.monotonic()
-        return now - self._last >= max(_LEAST_PAUSE_S, (now - self._began) * _PAUSE_PER_S)
 
     def _event(self, kind: EventKind, data: dict[str, Any]) -> None:
         DBOS.write_stream(EVENTS, {"kind": kind, "time": _now(), "data": data})
@@ -54,3 +72,11 @@ class JobReport:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def _share(phase: str, part: float) -> float:
+    """The share of a job that is done, `part` of the way through a phase."""
+    phases = list(_SHARES)
+    start = _SHARES[phase]
+    end = _SHARES[phases[min(phases.index(phase) + 1, len(phases) - 1)]]
+    return start + (end - start) * min(max(part, 0.0), 1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from service.learning.left_out import left_out_slopes
-from service.learning.network.fit import EpochCallback, FitOutcome, fit
+from service.learning.network.fit import FitOutcome, FitProgress, NetworkFit
 from service.learning.network.fit_state import FitState
 from service.learning.network.inputs import InputSignature
 from service.learning.network.model import PhysicsInformedModel
@@ -19,12 +19,24 @@ from service.learning.network.residuals import make_residual
 from service.learning.network.rows import Rows, rows_of
 from service.learning.observed import ObservedRun, scenarios_of
 from service.learning.resistance.fit import fit_resistance_process
-from service.learning.split import training_samples, validation_samples
+from service.learning.split import Split, training_samples, validation_samples
 from service.learning.trajectory_model import TrajectoryModel
 from service.physics.prior import Prior
 from service.physics.scenario import Positions
 from service.training.config import TrainingConfig
 from service.training.data import TrainingData
+
+Announce = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """What a fit starts from: the data, its split, and the prior calibrated on the training runs."""
+
+    config: TrainingConfig
+    data: TrainingData
+    split: Split
+    prior: Prior
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,60 +53,51 @@ class Fitted:
 
 
 @dataclass(frozen=True, slots=True)
-class NetworkRows:
-    """What a network is fitted to. Costs seconds for many samples, so those who fit in pieces keep it."""
+class Fitting:
+    """A fit that has begun. `finish` makes the model, of the best epoch so far, at any time.
 
-    signature: InputSignature
-    train: Rows
-    validation: Rows
-
-
-@dataclass(frozen=True, slots=True)
-class Callbacks:
-    """How a fit tells where it stands, and from where it goes on; `rows` are those of an earlier piece of it.
-
-    `check` is called every second or so of a fit without epochs, and may raise to stop it.
+    `network` is None for an architecture without epochs: there `finish` solves for the model in one go.
     """
 
-    announce: Callable[[str], None]
-    on_epoch: EpochCallback | None = None
-    resume: FitState | None = None
-    rows: NetworkRows | None = None
-    check: Callable[[], None] = lambda: None
+    finish: Callable[[], Fitted]
+    network: NetworkFit | None = None
+
+    @property
+    def epoch(self) -> int:
+        """How many epochs are finished."""
+        return self.network.epoch if self.network else 0
+
+    def epochs(self) -> Iterator[FitProgress]:
+        """Fit the epochs that are left, telling after each where the fit stands. Raises TrainingError."""
+        return self.network.epochs() if self.network else iter(())
 
 
-def fit_architecture(
-    config: TrainingConfig, runs: Sequence[ObservedRun], data: TrainingData, prior: Prior, callbacks: Callbacks
-) -> Fitted:
-    """Fit the architecture that the config names, on these runs alone, over the calibrated prior."""
-    return _FITS[config.architecture](config, runs, data, prior, callbacks)
+def begin_fit(
+    prepared: Prepared,
+    resume: FitState | None = None,
+    *,
+    announce: Announce = lambda _phase: None,
+    check: Callable[[], None] = lambda: None,
+) -> Fitting:
+    """Begin to fit the architecture that the config names, on the training runs alone, over the calibrated prior.
+
+    With epochs it goes on from `resume`. Without, `announce` hears of the phases of `finish`, and `check` is called
+    every second or so; both may raise to stop it.
+    """
+    if prepared.config.architecture == "resistance_process":
+        return Fitting(lambda: _solve_resistance(prepared, announce, check))
+    return _begin_network(prepared, resume)
 
 
-def network_rows(config: TrainingConfig, runs: Sequence[ObservedRun], data: TrainingData, prior: Prior) -> NetworkRows:
-    """The rows and inputs of a network for these runs."""
+def _begin_network(prepared: Prepared, resume: FitState | None) -> Fitting:
+    config, data, prior, runs = prepared.config, prepared.data, prepared.prior, prepared.split.train
     horizon = max(run.horizon_s for run in runs)
     signature = InputSignature.fitted(config.inputs, scenarios_of(runs), horizon, data.rover, data.regolith)
-    return NetworkRows(
-        signature,
-        rows_of([training_samples(run) for run in runs], prior, signature),
-        rows_of([validation_samples(run) for run in runs], prior, signature),
-    )
-
-
-def _fit_network(
-    config: TrainingConfig, runs: Sequence[ObservedRun], data: TrainingData, prior: Prior, callbacks: Callbacks
-) -> Fitted:
-    rows = callbacks.rows or network_rows(config, runs, data, prior)
-    model = _fresh_network(config, prior, rows.signature, rows.train)
-    outcome = fit(
-        model.residual,
-        rows.train,
-        rows.validation,
-        config.fit,
-        on_epoch=callbacks.on_epoch,
-        resume=callbacks.resume,
-    )
-    return Fitted(model, outcome, {}, {})
+    train = rows_of([training_samples(run) for run in runs], prior, signature)
+    validation = rows_of([validation_samples(run) for run in runs], prior, signature)
+    model = _fresh_network(config, prior, signature, train)
+    fit = NetworkFit(model.residual, train, validation, config.fit, resume=resume)
+    return Fitting(lambda: Fitted(model, fit.finish(), {}, {}), fit)
 
 
 def _fresh_network(config: TrainingConfig, prior: Prior, signature: InputSignature, rows: Rows) -> PhysicsInformedModel:
@@ -107,30 +110,20 @@ def _fresh_network(config: TrainingConfig, prior: Prior, signature: InputSignatu
     return PhysicsInformedModel(prior, signature, make_residual(config.architecture, arguments))
 
 
-def _fit_resistance(
-    _config: TrainingConfig, runs: Sequence[ObservedRun], data: TrainingData, prior: Prior, callbacks: Callbacks
-) -> Fitted:
+def _solve_resistance(prepared: Prepared, announce: Announce, check: Callable[[], None]) -> Fitted:
     """Solved in one go: there are no epochs, and the validation loss is that of the left-out runs."""
     started = time.monotonic()
-    fitted = fit_resistance_process(
-        runs, data.rover, data.regolith, prior, progress=callbacks.announce, check=callbacks.check
-    )
+    data, prior, runs = prepared.data, prepared.prior, prepared.split.train
+    fitted = fit_resistance_process(runs, data.rover, data.regolith, prior, progress=announce, check=check)
     squares = [
         np.mean((fitted.left_out[run.name].x_m[0] - run.x_m) ** 2 + (fitted.left_out[run.name].y_m[0] - run.y_m) ** 2)
         for run in runs
     ]
 
     def leave_one_out(series: Sequence[ObservedRun]) -> Mapping[str, Positions]:
-        callbacks.announce(f"leaving out one slope at a time of {len(series)} with the same mass and torque")
-        return fit_resistance_process(series, data.rover, data.regolith, prior, check=callbacks.check).left_out
+        announce(f"leaving out one slope at a time of {len(series)} with the same mass and torque")
+        return fit_resistance_process(series, data.rover, data.regolith, prior, check=check).left_out
 
     slopes = left_out_slopes(runs, leave_one_out)
     outcome = FitOutcome(0, 0, float(np.mean(squares)), False, time.monotonic() - started, "cpu")
     return Fitted(fitted.model, outcome, fitted.left_out, slopes)
-
-
-_FITS: dict[str, Callable[[TrainingConfig, Sequence[ObservedRun], TrainingData, Prior, Callbacks], Fitted]] = {
-    "paper_network": _fit_network,
-    "zero": _fit_network,
-    "resistance_process": _fit_resistance,
-}

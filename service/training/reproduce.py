@@ -18,13 +18,13 @@ from model_store import ModelStore
 from service.errors import TrainingError
 from service.learning.calibration import calibrate_prior
 from service.learning.evaluate import PositionErrors
-from service.learning.network.fit import EpochCallback
+from service.learning.network.fit import FitProgress
 from service.learning.network.fit_config import FitConfig
 from service.learning.observed import ObservedRun
-from service.learning.split import split_runs, validation_samples
+from service.learning.split import Split, split_runs, validation_samples
 from service.physics.priors import make_prior
 from service.physics.scenario import Array, Positions, Scenarios
-from service.training.architectures import Callbacks, fit_architecture
+from service.training.architectures import Announce, Prepared, begin_fit
 from service.training.config import ArchitectureName, PriorName, TrainingConfig
 from service.training.data import TrainingData, load_training_data
 
@@ -35,7 +35,7 @@ FULL_FIT = FitConfig(epochs=100, rows_per_epoch=20_000)
 QUICK_FIT = FitConfig(epochs=3, rows_per_epoch=2_000)
 
 Predict = Callable[[Scenarios, Array], Positions]
-Announce = Callable[[str], None]
+ShowEpoch = Callable[[FitProgress], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,7 @@ def reproduce(
     effort: Effort,
     *,
     announce: Announce = lambda _phase: None,
-    on_epoch: EpochCallback | None = None,
+    show_epoch: ShowEpoch = lambda _reached: None,
 ) -> Reproduction:
     """Train and judge every contestant, one after the other. Raises TrainingError and what store and datasets raise."""
     announce("loading datasets")
@@ -153,7 +153,7 @@ def reproduce(
         trials = []
         for seed in seeds:
             announce(f"{place}, seed {seed} of {len(seeds)}" if contestant.random else place)
-            predict = learn(contestant, course, replace(effort.fit, seed=seed), Callbacks(announce, on_epoch))
+            predict = learn(contestant, course, replace(effort.fit, seed=seed), announce, show_epoch)
             trials.append(_judge(predict, course, seed))
         rows.append(Row(contestant, tuple(trials), compute_ms(predict, course.unseen)))
     return Reproduction(course, effort, tuple(rows))
@@ -173,7 +173,13 @@ def set_course(store: ModelStore) -> Course:
     return Course(data, paper.train, tuple(sets["space"]), paper.test[0], mass.test[0])
 
 
-def learn(contestant: Contestant, course: Course, fit: FitConfig, callbacks: Callbacks) -> Predict:
+def learn(
+    contestant: Contestant,
+    course: Course,
+    fit: FitConfig,
+    announce: Announce = lambda _phase: None,
+    show_epoch: ShowEpoch = lambda _reached: None,
+) -> Predict:
     """What the contestant predicts after training as the paper does: its network sees time and slope alone."""
     config = TrainingConfig(
         model="reproduction",
@@ -187,7 +193,10 @@ def learn(contestant: Contestant, course: Course, fit: FitConfig, callbacks: Cal
     )
     runs = course.train + (course.space if contestant.space else ())
     prior = calibrate_prior(make_prior(contestant.prior, 0.0, course.data.rover, course.data.regolith), runs)
-    return fit_architecture(config, runs, course.data, prior, callbacks).model.positions
+    fitting = begin_fit(Prepared(config, course.data, Split(runs, ()), prior), announce=announce)
+    for reached in fitting.epochs():
+        show_epoch(reached)
+    return fitting.finish().model.positions
 
 
 def _judge(predict: Predict, course: Course, seed: int) -> Trial:

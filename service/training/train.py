@@ -1,4 +1,4 @@
-"""Training one version, top to bottom: datasets -> prior -> fit -> evaluation -> publish -> alias."""
+"""What comes before a fit (datasets, split, calibrated prior) and after it (evaluation, publication)."""
 
 from __future__ import annotations
 
@@ -16,23 +16,18 @@ from service.learning.calibration import calibrate_prior, calibrate_wheel_resist
 from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
 from service.learning.evaluate import RunEvaluation, describe_evaluation, evaluate, evaluate_positions, summarise
-from service.learning.network.fit import EpochCallback, FitOutcome
-from service.learning.network.fit_config import FitConfig
-from service.learning.network.fit_state import FitState
+from service.learning.network.fit import FitOutcome
 from service.learning.observed import ObservedRun
 from service.learning.split import Split, split_runs
 from service.learning.trajectory_model import TrajectoryModel
-from service.physics.prior import Prior
 from service.physics.priors import make_prior
 from service.physics.scenario import Positions
-from service.training.architectures import Callbacks, Fitted, fit_architecture
+from service.training.architectures import Announce, Fitted, Prepared
 from service.training.config import TrainingConfig
 from service.training.data import TrainingData, load_training_data
 from service.training.evidence import TRAIN_REPORT
 from service.training.provenance import code_version, library_versions
 from service.training.report import error_curves, left_out_report
-
-Announce = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,30 +52,6 @@ class Trained:
     left_out_slope_evaluations: list[RunEvaluation]
 
 
-@dataclass(frozen=True, slots=True)
-class Prepared:
-    """What a fit starts from: the data, its split, and the prior calibrated on the training runs."""
-
-    config: TrainingConfig
-    data: TrainingData
-    split: Split
-    prior: Prior
-
-
-def train_model(
-    store: ModelStore,
-    config: TrainingConfig,
-    *,
-    announce: Announce = lambda _phase: None,
-    on_epoch: EpochCallback | None = None,
-    resume: FitState | None = None,
-) -> Trained:
-    """Train without publishing. Raises TrainingError and what the store and the datasets raise."""
-    prepared = prepare(store, config, announce)
-    fitted = fit_prepared(prepared, Callbacks(announce, on_epoch, resume))
-    return evaluate_fitted(prepared, fitted, announce)
-
-
 def prepare(store: ModelStore, config: TrainingConfig, announce: Announce) -> Prepared:
     """Load and split the datasets. Deterministic. Raises TrainingError and what the store and the datasets raise."""
     announce("loading datasets")
@@ -91,12 +62,6 @@ def prepare(store: ModelStore, config: TrainingConfig, announce: Announce) -> Pr
     announce(f"fitting on {len(split.train)} runs")
     prior = calibrate_prior(make_prior(config.prior, 0.0, data.rover, data.regolith), split.train)
     return Prepared(config, data, split, prior)
-
-
-def fit_prepared(prepared: Prepared, callbacks: Callbacks, *, fit: FitConfig | None = None) -> Fitted:
-    """Fit what was prepared; `fit` is in place of the config's. Raises TrainingError, and what a callback raises."""
-    config = prepared.config if fit is None else prepared.config.model_copy(update={"fit": fit})
-    return fit_architecture(config, prepared.split.train, prepared.data, prepared.prior, callbacks)
 
 
 def evaluate_fitted(

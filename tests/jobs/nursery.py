@@ -147,7 +147,8 @@ def _work(order: dict[str, Any]) -> None:
 
 def _tell_steps() -> None:
     """Each step says so when it really begins; what an earlier attempt has finished is not run again."""
-    from service.jobs import worker, workflow
+    from service.jobs import worker
+    from service.jobs.attempt import Attempt
     from service.training import promotion
 
     def telling(work: Callable[..., Any], name: str) -> Callable[..., Any]:
@@ -158,8 +159,8 @@ def _tell_steps() -> None:
 
         return told
 
-    run_step, move, leave = workflow._Job._step, promotion._move, worker.Worker.leave
-    workflow._Job._step = lambda job, step, *rest: run_step(job, telling(step, step.__name__.strip("_")), *rest)
+    run_step, move, leave = Attempt.step, promotion._move, worker.Worker.leave
+    Attempt.step = lambda attempt, step, *rest: run_step(attempt, telling(step, step.__name__.strip("_")), *rest)
     worker.Worker.leave = telling(leave, "leave")  # type: ignore[method-assign]
     promotion._move = lambda store, made, alias, *rest: telling(move, f"move_{alias}")(store, made, alias, *rest)
 

@@ -15,10 +15,9 @@ from service.jobs.job import ALLOWED_MOVES
 from service.jobs.queue import JobQueue
 from service.jobs.request import Budget, SplitRequest, TrainingJobRequest, check_request
 from service.learning.checkpoint import weights_bytes
-from service.training.train import train_model
 from tests.fair_clock import fair_clock
 from tests.jobs.nursery import until
-from tests.training.stored import put_dataset, stored_runs
+from tests.training.stored import put_dataset, stored_runs, train_model
 
 KILLS = 4
 DEADLY = 5

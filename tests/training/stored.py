@@ -6,7 +6,11 @@ from model_store import DatasetDraft, ModelStore
 from service.datasets import Dataset, Run, dataset_id, parse_passport, to_parquet
 from service.datasets.passport import PASSPORT_FILE
 from service.datasets.summary import summarise
+from service.learning.network.fit_state import FitState
+from service.training.architectures import begin_fit
+from service.training.config import TrainingConfig
 from service.training.stored_dataset import RUNS_FILE
+from service.training.train import Trained, evaluate_fitted, prepare
 from tests.learning.synthetic import HORIZON_S, synthetic_runs
 
 PASSPORT = b"""{"format": "rover-twin-passport/1", "gravity_m_s2": 1.62, "frame": "slope frame",
@@ -34,3 +38,16 @@ def stored_runs() -> list[Run]:
         )
         for run in synthetic_runs()
     ]
+
+
+def train_model(store: ModelStore, config: TrainingConfig, resume: FitState | None = None) -> Trained:
+    """An undisturbed training, all epochs in one go."""
+    prepared = prepare(store, config, announce=_silent)
+    fitting = begin_fit(prepared, resume)
+    for _ in fitting.epochs():
+        pass
+    return evaluate_fitted(prepared, fitting.finish(), announce=_silent)
+
+
+def _silent(_phase: str) -> None:
+    pass

@@ -11,7 +11,6 @@ from service.datasets import Run
 from service.errors import TrainingError
 from service.learning.network.fit_config import FitConfig
 from service.physics.scenario import Positions
-from service.training.architectures import Callbacks
 from service.training.reproduce import (
     COLUMNS,
     CONTESTANTS,
@@ -85,8 +84,7 @@ def test_the_unseen_run_leaves_no_trace_in_a_prediction(reproduction, contestant
     spoilt = replace(course.unseen, x_m=course.unseen.x_m + 50.0)
     asked = course.unseen.scenario, course.unseen.time_s
     one, other = (
-        learn(contestant, each, BRIEF, Callbacks(lambda _phase: None))(*asked).x_m
-        for each in (course, replace(course, unseen=spoilt, heavy=spoilt))
+        learn(contestant, each, BRIEF)(*asked).x_m for each in (course, replace(course, unseen=spoilt, heavy=spoilt))
     )
     np.testing.assert_array_equal(one, other)
 

@@ -11,8 +11,8 @@ from service.learning.evaluate import evaluate
 from service.physics.scenario import Scenarios
 from service.training.config import TrainingConfig
 from service.training.data import load_training_data
-from service.training.train import train_model
 from service.twin.load import load_twin
+from tests.training.stored import train_model
 
 SHIPPED = ModelStore.open(next(iter(model_store.__path__)))
 VERSIONS = [(name, version) for name in SHIPPED.model_names() for version in SHIPPED.versions(name)]

@@ -8,14 +8,14 @@ from pydantic import ValidationError
 
 from model_store import DatasetNotFoundError
 from service.errors import TrainingError
-from service.learning.network.fit import FitProgress
 from service.learning.network.fit_config import FitConfig
 from service.learning.network.fit_state import FitState
 from service.physics.scenario import Scenarios
+from service.training.architectures import begin_fit
 from service.training.config import TrainingConfig
-from service.training.train import publish_trained, train_model
+from service.training.train import prepare, publish_trained
 from service.twin.load import load_twin
-from tests.training.stored import put_dataset, stored_runs
+from tests.training.stored import put_dataset, stored_runs, train_model
 
 QUICK = FitConfig(seed=2, epochs=3, batch_rows=128, rows_per_epoch=512)
 CONFIG = TrainingConfig(model="unit", datasets=["unit"], test_slopes_deg=[20], test_fraction=0.2, fit=QUICK)
@@ -77,13 +77,9 @@ def test_test_runs_leave_no_trace_in_the_model(store):
 
 def test_the_same_config_gives_the_same_weights_and_a_resumed_one_too(store):
     digests = [published(store).files["weights.safetensors"].sha256 for _ in range(2)]
-    states: list[bytes] = []
-
-    def save(_progress: FitProgress, state) -> None:
-        states.append(state().to_bytes())
-
-    train_model(store, CONFIG, on_epoch=save)
-    resumed = train_model(store, CONFIG, resume=FitState.from_bytes(states[0]))
+    left = begin_fit(prepare(store, CONFIG, lambda _phase: None))
+    next(left.epochs())
+    resumed = train_model(store, CONFIG, FitState.from_bytes(left.network.state().to_bytes()))
     manifest = publish_trained(store, CONFIG, resumed, created_by="a test", command="")
     assert {*digests, manifest.files["weights.safetensors"].sha256} == {digests[0]}
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,13 +11,13 @@ from model_store import Manifest, ModelStore
 from service.cli.actions.command_line import command_line
 from service.cli.actions.fit_state_file import FitStateFile
 from service.cli.output import note
-from service.cli.views.training_progress import TrainingProgress, make_progress
+from service.cli.views.training_progress import make_progress
 from service.learning.checkpoint import weights_bytes
 from service.learning.evaluate import summarise
-from service.learning.network.fit import EpochCallback, FitProgress
 from service.learning.network.fit_state import FitState
+from service.training.architectures import begin_fit
 from service.training.config import TrainingConfig
-from service.training.train import Trained, publish_trained, train_model
+from service.training.train import Trained, evaluate_fitted, prepare, publish_trained
 
 # A state is a few megabytes and an epoch about a second: five epochs are little to lose and cheap to keep.
 _SAVE_EVERY_EPOCHS = 5
@@ -73,9 +72,7 @@ def run_training(
     if resume:
         note(f"going on after epoch {resume.epoch} of {config.fit.epochs}, saved in {state_path}")
     try:
-        with make_progress() as progress:
-            on_epoch = _on_epoch(progress, state_file)
-            trained = train_model(store, config, announce=progress.phase, on_epoch=on_epoch, resume=resume)
+        trained = _train(store, config, resume, state_file)
     except KeyboardInterrupt:
         if state_path is not None and state_path.exists():
             note(f"nothing is published; the same command goes on from {state_path}")
@@ -95,13 +92,18 @@ def _state_file(store: ModelStore, config: TrainingConfig, path: Path | None) ->
     return FitStateFile(path, config, [store.dataset(reference).id for reference in config.datasets])
 
 
-def _on_epoch(progress: TrainingProgress, state_file: FitStateFile | None) -> EpochCallback:
-    def after_epoch(reached: FitProgress, make_state: Callable[[], FitState]) -> None:
-        if state_file and (reached.epoch % _SAVE_EVERY_EPOCHS == 0 or reached.epoch == reached.epochs):
-            state_file.save(make_state())
-        progress.epoch(reached)
-
-    return after_epoch
+def _train(
+    store: ModelStore, config: TrainingConfig, resume: FitState | None, state_file: FitStateFile | None
+) -> Trained:
+    with make_progress() as progress:
+        prepared = prepare(store, config, progress.phase)
+        fitting = begin_fit(prepared, resume, announce=progress.phase)
+        for reached in fitting.epochs():
+            due = reached.epoch % _SAVE_EVERY_EPOCHS == 0 or reached.epoch == reached.epochs
+            if state_file and fitting.network and due:
+                state_file.save(fitting.network.state())
+            progress.epoch(reached)
+        return evaluate_fitted(prepared, fitting.finish(), progress.phase)
 
 
 def _promote(store: ModelStore, manifest: Manifest, publication: Publication) -> str | None:

@@ -62,12 +62,8 @@ def reproduce(
     _refuse_to_replace_another_page(output)
     use_threads(threads)
     with make_progress() as progress:
-        result = run(
-            open_store(store),
-            Effort.of(seeds, quick=quick),
-            announce=progress.phase,
-            on_epoch=lambda reached, _state: progress.epoch(reached),
-        )
+        effort = Effort.of(seeds, quick=quick)
+        result = run(open_store(store), effort, announce=progress.phase, show_epoch=progress.epoch)
         progress.phase("drawing")
     drawn = reproduction_figures(result)
     files = {f"{name}.{kind}": render(figure) for name, figure in drawn.items() for kind, render in RENDERERS.items()}

@@ -6,23 +6,13 @@ import math
 import sys
 import time
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from service.cli.output import SECONDS_BETWEEN_NOTES, note
 from service.learning.network.fit import FitProgress
-
-
-class TrainingProgress(Protocol):
-    """What a training tells as it goes."""
-
-    def phase(self, text: str) -> None:
-        """A phase begins."""
-
-    def epoch(self, progress: FitProgress) -> None:
-        """An epoch is finished."""
 
 
 def make_progress() -> LiveProgress | PlainProgress:

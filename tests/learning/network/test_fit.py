@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 import pytest
@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.errors import InvalidValueError, TrainingError
-from service.learning.network.fit import FitProgress, fit, position_loss_m2
+from service.learning.network.fit import FitOutcome, NetworkFit, position_loss_m2
 from service.learning.network.fit_config import FitConfig, learning_rate_at
 from service.learning.network.fit_state import FitState
 from service.learning.network.inputs import InputSignature
-from service.learning.network.residuals import PaperNetwork, Residual
+from service.learning.network.residuals import PaperNetwork, Residual, ZeroResidual
 from service.learning.network.rows import Rows, rows_of
 from service.learning.observed import scenarios_of
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
@@ -49,14 +49,17 @@ def assert_same(one: dict[str, torch.Tensor], two: dict[str, torch.Tensor]) -> N
         assert torch.equal(one[name], two[name]), name
 
 
-class StoppedError(Exception):
-    pass
+def fit(residual: Residual, train: Rows, validation: Rows, config: FitConfig) -> FitOutcome:
+    """All epochs in one go."""
+    fit = NetworkFit(residual, train, validation, config, device=CPU)
+    assert [reached.epoch for reached in fit.epochs()] == list(range(1, fit.epoch + 1))
+    return fit.finish()
 
 
 def test_learns_what_the_prior_leaves():
     train, validation = rows()
     residual = network()
-    outcome = fit(residual, train, validation, FitConfig(epochs=40, batch_rows=64, rows_per_epoch=1000), device=CPU)
+    outcome = fit(residual, train, validation, FitConfig(epochs=40, batch_rows=64, rows_per_epoch=1000))
     untrained = float(train.targets_m.square().sum(dim=1).mean())
     with torch.inference_mode():
         trained = float(position_loss_m2(residual(train.inputs), train.targets_m))
@@ -67,45 +70,63 @@ def test_learns_what_the_prior_leaves():
 def test_the_same_seed_gives_the_same_weights_and_another_seed_others():
     train, validation = rows()
     one, two, other = network(), network(), network()
-    fit(one, train, validation, QUICK, device=CPU)
-    fit(two, train, validation, QUICK, device=CPU)
-    fit(other, train, validation, FitConfig(**{**_fields(QUICK), "seed": 6}), device=CPU)
+    fit(one, train, validation, QUICK)
+    fit(two, train, validation, QUICK)
+    fit(other, train, validation, FitConfig(**{**_fields(QUICK), "seed": 6}))
     assert_same(weights(one), weights(two))
     assert any(not torch.equal(weights(one)[name], weights(other)[name]) for name in weights(one))
 
 
-@pytest.mark.parametrize("stop_after", [1, 3, 5])
-def test_interrupted_and_resumed_equals_undisturbed(stop_after):
+@pytest.mark.parametrize("chunk", [1, 2, 5])
+@pytest.mark.parametrize("anew", [True, False], ids=["from saved bytes", "in the same fit"])
+def test_in_chunks_equals_undisturbed(chunk, anew):
     train, validation = rows()
-    undisturbed, interrupted = network(), network()
-    expected = fit(undisturbed, train, validation, QUICK, device=CPU)
-    saved: list[bytes] = []
-
-    def stop(progress: FitProgress, state) -> None:
-        saved.append(state().to_bytes())
-        if progress.epoch == stop_after:
-            raise StoppedError
-
-    with pytest.raises(StoppedError):
-        fit(interrupted, train, validation, QUICK, on_epoch=stop, device=CPU)
-    # a new process would start from fresh weights: nothing but the saved bytes may matter
-    resumed = network(seed=99)
-    outcome = fit(resumed, train, validation, QUICK, resume=FitState.from_bytes(saved[-1]), device=CPU)
-    assert_same(weights(resumed), weights(undisturbed))
+    undisturbed, chunked = network(), network()
+    expected = fit(undisturbed, train, validation, QUICK)
+    part, done = NetworkFit(chunked, train, validation, QUICK, device=CPU), 0
+    while not part.finished:
+        reached = [each.epoch for each in islice(part.epochs(), chunk)]
+        assert reached == list(range(done + 1, min(done + chunk, QUICK.epochs) + 1))
+        done = part.epoch
+        if anew:
+            # a new process would start from fresh weights: nothing but the saved bytes may matter
+            state, chunked = FitState.from_bytes(part.state().to_bytes()), network(seed=99)
+            part = NetworkFit(chunked, train, validation, QUICK, resume=state, device=CPU)
+    outcome = part.finish()
+    assert_same(weights(chunked), weights(undisturbed))
     assert (outcome.epochs, outcome.best_epoch) == (expected.epochs, expected.best_epoch)
     assert outcome.validation_loss_m2 == expected.validation_loss_m2
+    assert not outcome.stopped_early
+
+
+def test_finished_before_its_end_it_keeps_the_best_so_far():
+    train, validation = rows()
+    residual = network()
+    left = NetworkFit(residual, train, validation, QUICK, device=CPU)
+    losses = [reached.validation_loss_m2 for reached in islice(left.epochs(), 3)]
+    best, outcome = left.state().best, left.finish()
+    assert_same(weights(residual), best)
+    assert (outcome.epochs, outcome.stopped_early, outcome.validation_loss_m2) == (3, True, min(losses))
+
+
+def test_without_weights_there_is_no_epoch_and_the_loss_is_that_of_the_prior():
+    train, validation = rows()
+    outcome = fit(ZeroResidual(4), train, validation, QUICK)
+    assert (outcome.epochs, outcome.best_epoch, outcome.stopped_early) == (0, 0, False)
+    assert outcome.validation_loss_m2 == float(validation.targets_m.square().sum(dim=1).mean())
 
 
 def test_stops_early_without_gain_and_keeps_the_best():
     train, validation = rows()
-    seen: list[FitProgress] = []
     # at such a rate the loss soon gets worse
     config = FitConfig(epochs=200, batch_rows=32, rows_per_epoch=256, learning_rate=0.3, patience_epochs=4)
     residual = network()
-    outcome = fit(residual, train, validation, config, on_epoch=lambda progress, _: seen.append(progress), device=CPU)
+    hasty = NetworkFit(residual, train, validation, config, device=CPU)
+    losses = [reached.validation_loss_m2 for reached in hasty.epochs()]
+    outcome = hasty.finish()
     assert outcome.stopped_early
     assert outcome.epochs == outcome.best_epoch + 4 < 200
-    assert outcome.validation_loss_m2 == min(progress.validation_loss_m2 for progress in seen)
+    assert outcome.validation_loss_m2 == min(losses)
     with torch.inference_mode():
         kept = float(position_loss_m2(residual(validation.inputs), validation.targets_m))
     assert kept == pytest.approx(outcome.validation_loss_m2, rel=1e-4)
@@ -113,8 +134,7 @@ def test_stops_early_without_gain_and_keeps_the_best():
 
 def test_progress_counts_every_epoch():
     train, validation = rows()
-    seen: list[FitProgress] = []
-    fit(network(), train, validation, QUICK, on_epoch=lambda progress, _: seen.append(progress), device=CPU)
+    seen = list(NetworkFit(network(), train, validation, QUICK, device=CPU).epochs())
     assert [progress.epoch for progress in seen] == [1, 2, 3, 4, 5, 6]
     assert all(progress.epochs == 6 and progress.elapsed_s > 0 for progress in seen)
     assert seen[-1].remaining_s == 0
@@ -124,7 +144,7 @@ def test_a_loss_that_is_not_finite_ends_the_fit():
     train, validation = rows()
     broken = Rows(train.inputs, torch.full_like(train.targets_m, math.nan))
     with pytest.raises(TrainingError, match="not finite after epoch 1"):
-        fit(network(), broken, validation, QUICK, device=CPU)
+        fit(network(), broken, validation, QUICK)
 
 
 def test_equation_4_by_hand():

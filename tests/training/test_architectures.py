@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from service.training.chunked_fit import ChunkedFit
+from service.training.architectures import begin_fit
 from service.training.config import TrainingConfig
 from service.training.train import evaluate_fitted, prepare
 
@@ -17,7 +17,7 @@ class StoppedError(Exception):
 
 def fit(store, check):
     prepared = prepare(store, CONFIG, lambda _phase: None)
-    fitted = ChunkedFit(prepared).finish(None, 0.0, lambda _phase: None, check)
+    fitted = begin_fit(prepared, check=check).finish()
     return evaluate_fitted(prepared, fitted, lambda _phase: None, check)
 
 
