@@ -22,10 +22,10 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON document inst
 
 Actor = Annotated[
     str | None,
-    typer.Option("--actor", help="Who does it, for the record. Default: your login name.", show_default=False),
+    typer.Option("--actor", help="Your name, kept in the history. Default: your login name.", show_default=False),
 ]
 
-Reason = Annotated[str, typer.Option("--reason", help="Why, for the record: one sentence.")]
+Reason = Annotated[str, typer.Option("--reason", help="Reason, kept in the history: one sentence.")]
 
 Datasets = Annotated[
     list[str],

@@ -1,4 +1,4 @@
-"""From tables with their scenarios to a dataset: names resolved, runs checked, what is bad left out with reasons."""
+"""From tables with their scenarios to a dataset: names resolved, runs checked, what is bad rejected with reasons."""
 
 from __future__ import annotations
 

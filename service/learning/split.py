@@ -41,13 +41,13 @@ def split_runs(
     """
     for slope in test_slopes_deg:
         if not is_among(slope, [run.slope_deg for run in runs]):
-            raise TrainingError(f"no run has slope_deg {slope:g}, so it cannot be left out for testing")
+            raise TrainingError(f"no run has slope_deg {slope:g}, so it cannot be kept for testing")
     kept_apart = [is_among(run.slope_deg, test_slopes_deg) for run in runs]
     others = [index for index, out in enumerate(kept_apart) if not out]
     drawn = np.random.default_rng(seed).permutation(others)[: round(test_fraction * len(others))]
     test = {index for index, out in enumerate(kept_apart) if out} | {int(index) for index in drawn}
     if len(test) >= len(runs):
-        raise TrainingError(f"all {len(runs)} runs are left out for testing: nothing remains to train on")
+        raise TrainingError(f"all {len(runs)} runs are kept for testing: nothing remains to train on")
     return Split(
         tuple(run for index, run in enumerate(runs) if index not in test),
         tuple(run for index, run in enumerate(runs) if index in test),

@@ -35,7 +35,7 @@ def import_folder(
     """Read, validate and publish the runs of a folder; the same runs twice are the same dataset.
 
     Values are rounded to the digits that `service.datasets.columns` states (0.1 micrometre for positions); no sample
-    is left out. Raises what `read_folder` and `ModelStore.put_dataset` raise.
+    is rejected. Raises what `read_folder` and `ModelStore.put_dataset` raise.
     """
     dataset, report = read_folder(folder, sets=sets, strict=strict, column_map=column_map, name=name, progress=progress)
     record, _ = _publish(store, dataset, report, created_by, description)

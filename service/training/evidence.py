@@ -1,7 +1,8 @@
 """What a version's manifest proves about runs that it was not made from.
 
-Two kinds of evidence count: a run left out of the fit (`test`), and a training run predicted by a model made without
-it (`left_out`). A run that is in training under another name too, as when a dataset was uploaded twice, proves nothing.
+Two kinds of evidence count: a run kept apart from the fit (`test`), and a training run predicted by a model made
+without it (`left_out`). A run that is in training under another name too, as when a dataset was uploaded twice, proves
+nothing.
 """
 
 from __future__ import annotations

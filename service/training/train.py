@@ -177,7 +177,7 @@ def _checkpoint(trained: Trained) -> dict[str, Any]:
 
 
 def training_metrics(trained: Trained) -> dict[str, Any]:
-    """Errors on runs that were tested, left out and trained on, and how the fit went: plain JSON content."""
+    """Errors on test runs, left-out runs and training runs, and how the fit went: plain JSON content."""
     return {
         "test": describe_evaluation(trained.test_evaluations),
         "left_out": describe_evaluation(trained.left_out_evaluations),

@@ -88,7 +88,7 @@ class PredictionInputs(BaseModel):
             description="The times to answer at, in seconds from rest, rising; instead of `dt_s`. The last one is the "
             "horizon. At most 100,000 unless the operator set another limit.",
             examples=[[0, 0.5, 2, 10]],
-            default_factory=list,  # empty: left out; nobody can send that
+            default_factory=list,  # empty: not given; nobody can send that
             json_schema_extra={"x-allowed": _TIMES},
         ),
     ]
@@ -99,7 +99,7 @@ class PredictionInputs(BaseModel):
             description="Which model answers: `name`, `name@3` (a version) or `name@champion` (an alias). "
             "Without it, the service's default model.",
             examples=["viper-lunar@champion"],
-            default_factory=str,  # empty: left out; nobody can send that
+            default_factory=str,  # empty: not given; nobody can send that
             json_schema_extra={"x-allowed": "name, name@version or name@alias, with a-z, 0-9 and - in names"},
         ),
     ]
@@ -237,7 +237,7 @@ class PredictionQuery(FormatQuery, PredictionInputs):
             description=str(PredictionInputs.model_fields["times_s"].description) + " With commas between them; a long "
             "list is for a POST.",
             examples=[[0, 0.5, 2, 10]],
-            default_factory=list,  # empty: left out; nobody can send that
+            default_factory=list,  # empty: not given; nobody can send that
             json_schema_extra={"x-allowed": _TIMES},
         ),
     ]

@@ -48,8 +48,8 @@ def test_a_bad_run_is_left_out_or_with_strict_refused(tmp_path):
     folder = write_runs(tmp_path / "runs", spoil=24.0)
     lax = call("datasets", "import", folder, "--name", "a", "--store", tmp_path / "store")
     assert lax.code == 0
-    assert "3 runs, 1 left out" in lax.out
-    assert re.search(r"left out: runs/s24.csv.gz line \d+ column rear_y_m: nan", lax.err)
+    assert "3 runs, 1 rejected" in lax.out
+    assert re.search(r"rejected: runs/s24.csv.gz line \d+ column rear_y_m: nan", lax.err)
     strict = call("datasets", "import", folder, "--name", "b", "--strict", "--store", tmp_path / "strict")
     assert strict.code == ExitCode.REFUSED
     assert "s24.csv.gz" in strict.error
@@ -113,14 +113,14 @@ def test_an_uploaded_archive_is_the_same_dataset_as_its_folder(store, tmp_path):
     assert (uploaded["id"], uploaded["created"], uploaded["dataset"]["name"]) == (known["id"], False, "small")
     said = call("datasets", "upload", archive, "--store", store)
     assert "stored before as small" in said.out
-    assert "4 runs, 0 left out" in said.out
+    assert "4 runs, 0 rejected" in said.out
 
 
 def test_a_dry_run_stores_nothing(store, tmp_path):
     archive = packed(write_runs(tmp_path / "runs", spoil=24.0, slopes=(20.0, 24.0)), tmp_path / "sent")
     dry = call("datasets", "upload", archive, "--dry-run", "--store", store)
-    assert "1 runs, 1 left out, nothing stored" in dry.out
-    assert re.search(r"left out: runs/s24.csv.gz line \d+ column rear_y_m: nan", dry.err)
+    assert "1 runs, 1 rejected, nothing stored" in dry.out
+    assert re.search(r"rejected: runs/s24.csv.gz line \d+ column rear_y_m: nan", dry.err)
     assert len(call("datasets", "list", "--json", "--store", store).json["datasets"]) == 1
     assert call("datasets", "upload", archive, "--strict", "--store", store).code == ExitCode.REFUSED
 

@@ -26,7 +26,7 @@ _WORLD = frozenset({Frame.WORLD})
 
 @dataclass(frozen=True, slots=True)
 class InputTensor:
-    """One input of shape [scenario] or, as `time_s`, [time]; `required` or left out."""
+    """One input of shape [scenario] or, as `time_s`, [time]; `required` or optional."""
 
     name: str
     unit: str

@@ -147,7 +147,7 @@ def import_runs(
     """Validate a folder of Chrono runs and store what is usable as a dataset.
 
     Its id is a digest of passport and runs: the same runs are the same dataset, however often they are imported.
-    Unusable runs are left out, with their reasons on stderr; with --strict they stop the import (exit code 4).
+    Unusable runs are rejected, with their reasons on stderr. With --strict they stop the import (exit code 4).
 
     Examples:
       rover-twin datasets import my-runs --name my-runs
@@ -173,12 +173,12 @@ def import_runs(
     except RejectedDatasetError as error:
         raise RefusedError(f"{error} (`rover-twin datasets validate {folder}` lists all reasons)") from error
     for finding in report.rejections:
-        note(f"left out: {finding}")
+        note(f"rejected: {finding}")
     if json:
         print_json({"dataset": record.model_dump(mode="json"), "report": report.as_json()})
         return
     also = f", stored before as {record.name}" if record.name != name else ""
-    print(f"dataset {record.id} ({name}{also}): {len(report.accepted)} runs, {len(report.rejected)} left out")
+    print(f"dataset {record.id} ({name}{also}): {len(report.accepted)} runs, {len(report.rejected)} rejected")
 
 
 @app.command("upload")
@@ -227,7 +227,7 @@ def upload_file(
     with file_progress("reading") as progress:
         result = upload(told, open_store(store, create=not dry_run), options.actor_name(actor), progress)
     for finding in result.report.findings:
-        note(f"{'left out' if finding.rejects else 'note'}: {finding}")
+        note(f"{'rejected' if finding.rejects else 'note'}: {finding}")
     if json:
         print_json(
             {
@@ -239,7 +239,7 @@ def upload_file(
             }
         )
         return
-    runs = f"{len(result.report.accepted)} runs, {len(result.report.rejected)} left out"
+    runs = f"{len(result.report.accepted)} runs, {len(result.report.rejected)} rejected"
     known = f", stored before as {result.record.name}" if result.record and not result.created else ""
     print(f"dataset {result.dataset_id}{known}: {runs}{', nothing stored' if dry_run else ''}")
 

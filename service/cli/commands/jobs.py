@@ -132,7 +132,7 @@ def start_job(
 ) -> None:
     """Queue a training job and print its id. What cannot work is refused before anything is queued.
 
-    The version gets the alias candidate; champion moves only with --promote if_better. Options that are left out have
+    The version gets the alias candidate; champion moves only with --promote if_better. Options that are not given have
     the defaults that they have over HTTP.
 
     Examples:

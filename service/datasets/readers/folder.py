@@ -33,7 +33,7 @@ def read_folder(
     max_file_bytes: int = DEFAULT_MAX_BYTES,
     progress: Progress | None = None,
 ) -> tuple[Dataset, ValidationReport]:
-    """Read and validate. A bad run is left out with its reasons; the others are accepted.
+    """Read and validate. A bad run is rejected with its reasons; the others are accepted.
 
     `column_map` (or the passport's own) says which column is which where headers do not. Raises DatasetError
     when passport or runs.csv cannot be used, RejectedDatasetError (with the report) when no run is usable or,

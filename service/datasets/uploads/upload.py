@@ -49,7 +49,7 @@ def read_upload(
     limits: UploadLimits | None = None,
     progress: Progress | None = None,
 ) -> tuple[Dataset, ValidationReport]:
-    """Read and validate what was uploaded to `path`. A bad run is left out with its reasons; the others are accepted.
+    """Read and validate what was uploaded to `path`. A bad run is rejected with its reasons; the others are accepted.
 
     Taken are: a zip or tar with runs.csv and passport.json, possibly below one common folder; a Parquet file of
     ours, or one with named columns; a long table (scenario columns beside the samples); one file of Chrono, whose
