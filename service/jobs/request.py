@@ -15,7 +15,7 @@ from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
 from service.errors import DatasetError, InvalidValueError, TrainingError
 from service.learning.network.fit_config import FitConfig
 from service.learning.split import SLOPE_TOLERANCE_DEG, is_among
-from service.training.config import ArchitectureName, InputName, PriorName, TrainingConfig, XForm
+from service.training.config import FEWEST_RUNS, ArchitectureName, InputName, PriorName, TrainingConfig, XForm
 from service.training.stored_dataset import RUNS_FILE
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 _DEFAULTS = {name: field.default for name, field in TrainingConfig.model_fields.items()}
 _FIT = FitConfig()
-_FEWEST_RUNS_OF_A_PROCESS = 3
 _MOST_BYTES_LOOKED_AT = 256 << 20
 _NAMED = 4
 
@@ -192,7 +191,7 @@ def _require_split(slopes: Sequence[float], request: TrainingJobRequest) -> None
 
 
 def _require_enough(left: int, runs: int, request: TrainingJobRequest) -> None:
-    least = _FEWEST_RUNS_OF_A_PROCESS if request.architecture == "resistance_process" else 1
+    least = FEWEST_RUNS[request.architecture]
     if left < least:
         allowed = f"one that leaves {least} of the {runs} runs to train on"
         raise InvalidValueError("split", request.split.model_dump(mode="json"), allowed)

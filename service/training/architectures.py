@@ -1,4 +1,4 @@
-"""How each architecture comes from runs to a model. Adding an architecture means adding a function here."""
+"""How each architecture comes from runs to a model: a function and a row of the table for each."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ from service.learning.split import Split, training_samples, validation_samples
 from service.learning.trajectory_model import TrajectoryModel
 from service.physics.prior import Prior
 from service.physics.scenario import Positions
-from service.training.config import TrainingConfig
+from service.training.config import ArchitectureName, TrainingConfig
 from service.training.data import TrainingData
 
 Announce = Callable[[str], None]
+Check = Callable[[], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,19 +78,21 @@ def begin_fit(
     resume: FitState | None = None,
     *,
     announce: Announce = lambda _phase: None,
-    check: Callable[[], None] = lambda: None,
+    check: Check = lambda: None,
 ) -> Fitting:
     """Begin to fit the architecture that the config names, on the training runs alone, over the calibrated prior.
 
     With epochs it goes on from `resume`. Without, `announce` hears of the phases of `finish`, and `check` is called
     every second or so; both may raise to stop it.
     """
-    if prepared.config.architecture == "resistance_process":
-        return Fitting(lambda: _solve_resistance(prepared, announce, check))
-    return _begin_network(prepared, resume)
+    return _BEGIN[prepared.config.architecture](prepared, resume, announce, check)
 
 
-def _begin_network(prepared: Prepared, resume: FitState | None) -> Fitting:
+def _begin_resistance(prepared: Prepared, _resume: FitState | None, announce: Announce, check: Check) -> Fitting:
+    return Fitting(lambda: _solve_resistance(prepared, announce, check))
+
+
+def _begin_network(prepared: Prepared, resume: FitState | None, _announce: Announce, _check: Check) -> Fitting:
     config, data, prior, runs = prepared.config, prepared.data, prepared.prior, prepared.split.train
     horizon = max(run.horizon_s for run in runs)
     signature = InputSignature.fitted(config.inputs, scenarios_of(runs), horizon, data.rover, data.regolith)
@@ -98,6 +101,13 @@ def _begin_network(prepared: Prepared, resume: FitState | None) -> Fitting:
     model = _fresh_network(config, prior, signature, train)
     fit = NetworkFit(model.residual, train, validation, config.fit, resume=resume)
     return Fitting(lambda: Fitted(model, fit.finish(), {}, {}), fit)
+
+
+_BEGIN: Mapping[ArchitectureName, Callable[[Prepared, FitState | None, Announce, Check], Fitting]] = {
+    "resistance_process": _begin_resistance,
+    "paper_network": _begin_network,
+    "zero": _begin_network,
+}
 
 
 def _fresh_network(config: TrainingConfig, prior: Prior, signature: InputSignature, rows: Rows) -> PhysicsInformedModel:
@@ -110,7 +120,7 @@ def _fresh_network(config: TrainingConfig, prior: Prior, signature: InputSignatu
     return PhysicsInformedModel(prior, signature, make_residual(config.architecture, arguments))
 
 
-def _solve_resistance(prepared: Prepared, announce: Announce, check: Callable[[], None]) -> Fitted:
+def _solve_resistance(prepared: Prepared, announce: Announce, check: Check) -> Fitted:
     """Solved in one go: there are no epochs, and the validation loss is that of the left-out runs."""
     started = time.monotonic()
     data, prior, runs = prepared.data, prepared.prior, prepared.split.train

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -10,6 +11,8 @@ from service.learning.network.fit_config import FitConfig
 
 PriorName = Literal["rigid_slope", "motor_slope"]
 ArchitectureName = Literal["resistance_process", "paper_network", "zero"]
+FEWEST_RUNS: Mapping[ArchitectureName, int] = {"resistance_process": 3, "paper_network": 1, "zero": 1}
+"""Training runs that each architecture needs. One that predicts left-out runs needs three, for its band."""
 InputName = Literal["time_s", "slope_deg", "mass_kg", "torque_nm", "torque_ratio"]
 XForm = Literal["position", "mean_speed"]
 

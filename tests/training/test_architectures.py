@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import pytest
 
+from service.training import architectures
 from service.training.architectures import begin_fit
-from service.training.config import TrainingConfig
+from service.training.config import FEWEST_RUNS, ArchitectureName, TrainingConfig
 from service.training.train import evaluate_fitted, prepare
 
 CONFIG = TrainingConfig(model="unit", datasets=["unit"], architecture="resistance_process")
@@ -51,3 +54,8 @@ def test_a_check_that_raises_stops_the_fit_there(store, calls, share):
 def test_there_are_checks_for_each_run_in_every_part(store, calls):
     # the covariances of resistance and height, the left-out predictions, the evaluation
     assert calls >= 4 * store.dataset("unit").summary["runs"]
+
+
+def test_every_architecture_can_be_fitted_and_says_how_many_runs_it_needs():
+    names = set(get_args(ArchitectureName))
+    assert names == set(FEWEST_RUNS) == set(architectures._BEGIN)
