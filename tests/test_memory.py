@@ -13,6 +13,8 @@ import threading
 import numpy as np
 from service.memory import give_back, limit_arenas
 
+pytestmark = pytest.mark.processes
+
 def resident_kib():
     return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmRSS"))
 

@@ -219,7 +219,9 @@ def wait_until(condition: Callable[[], bool], process: subprocess.Popen[str], ti
 
 
 @pytest.fixture
-def own_process(store: ModelStore) -> Iterator[Callable[..., tuple[httpx.Client, subprocess.Popen[str]]]]:
+def own_process(
+    store: ModelStore, processes: None
+) -> Iterator[Callable[..., tuple[httpx.Client, subprocess.Popen[str]]]]:
     """Starts a process over `store`; gives its client and the process."""
     with ExitStack() as stack:
         yield lambda **settings: stack.enter_context(process_serving(store, **settings))

@@ -119,6 +119,7 @@ def test_openmetrics_for_who_asks(service):
     }
 
 
+@pytest.mark.processes
 def test_with_a_token_the_metrics_stay_open_and_count_the_jobs(service_with_token):
     client = service_with_token.client
     token = client.headers.pop("Authorization")

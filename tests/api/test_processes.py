@@ -69,6 +69,7 @@ def predictions(client) -> float:
     return scraped(client).of("predictions_total", model_name="viper-lunar", model_version="1")
 
 
+@pytest.mark.kills
 def test_all_processes_answer_and_any_of_them_tells_of_all_also_after_one_died(several, question):
     client, process = several()
     asked(client, question, 60)
@@ -121,6 +122,7 @@ def test_an_interrupt_is_passed_on_once_and_ends_without_a_traceback_also_while_
     assert not [each for each in below if each.is_running() and each.status() != psutil.STATUS_ZOMBIE]
 
 
+@pytest.mark.kills
 def test_the_server_processes_do_not_outlive_the_one_that_started_them(several):
     _, process = several(drain_s=0)
     below = everything_below(process)

@@ -11,6 +11,8 @@ from tests.api.chrono_uploads import archive
 from tests.api.conftest import ADMIN, move_alias, publish_version
 from tests.api.test_schemathesis import CHECKS
 
+pytestmark = pytest.mark.processes
+
 WRITTEN = r"^/v1/(admin/datasets|models/\{name\}/aliases/\{alias\}(/rollback)?$)"
 schema = schemathesis.openapi.from_dict(openapi_document()).include(path_regex=WRITTEN)
 

@@ -12,6 +12,8 @@ import pytest
 from model_store import ModelStore
 from service.settings import Settings
 
+pytestmark = pytest.mark.processes
+
 LARGE = {"torch", "scipy", "matplotlib", "pyarrow", "dbos", "sqlalchemy", "pandas", "PIL"}
 SERVE_AND_TELL = """
 import json, socket, sys, threading, time

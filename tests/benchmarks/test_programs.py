@@ -17,6 +17,7 @@ def floors():
         yield running
 
 
+@pytest.mark.processes
 def test_the_floor_sends_the_very_answer(floors):
     body = bytes(range(256)) * 20_000
     with floors.connect() as connection:
@@ -35,6 +36,7 @@ def test_a_refusal_is_no_measurement(floors):
             connection.ask(Question("GET", "/nothing"))
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("wrk", [True, False], ids=["wrk", "python"])
 def test_load_counts_what_was_answered_and_refuses_failures(floors, monkeypatch, wrk):
     found = load.shutil.which("wrk") if wrk else None

@@ -156,7 +156,7 @@ def _ready(serving):
 
 
 @pytest.fixture(scope="session")
-def serving(small_store):
+def serving(small_store, processes):
     """One server for tests that only ask."""
     serving = serve(small_store)
     yield serving

@@ -38,7 +38,7 @@ def jobs(store, *more):
 
 
 @pytest.fixture(scope="module")
-def worked(small_store, tmp_path_factory):
+def worked(small_store, tmp_path_factory, processes):
     """A store on which a worker waits for jobs; dataset `broken` was cut off on disk."""
     store = shutil.copytree(small_store, tmp_path_factory.mktemp("worked") / "store")
     folder = write_runs(store.parent / "runs", slopes=(10.0, 12.0, 14.0))
@@ -252,6 +252,7 @@ def test_a_dataset_that_an_unfinished_job_names_is_not_deleted(store, tmp_path):
     assert call("datasets", "delete", "held", "--store", store).code == ExitCode.DONE
 
 
+@pytest.mark.processes
 def test_interrupted_watching_leaves_the_job_alone(store):
     job = queued(store)
     process = start("jobs", "watch", job, "--store", store)
@@ -263,6 +264,7 @@ def test_interrupted_watching_leaves_the_job_alone(store):
         out, err = process.communicate(timeout=30)
     except subprocess.TimeoutExpired:
         process.kill()
+        process.communicate()
         raise
 
     assert process.returncode == ExitCode.INTERRUPTED

@@ -46,6 +46,7 @@ def test_files_and_pipes_take_every_form_of_the_server(serving, tmp_path, form):
         assert piped.stdout == theirs.content
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(("form", "code"), [("npz", ExitCode.USAGE), ("arrow", ExitCode.USAGE), ("usda", 0)])
 def test_what_is_no_text_is_kept_from_a_terminal(small_store, form, code):
     words = ("predict", *SCENARIO, *_AT_ROVER, "--horizon-s", "1", "--format", form, "--store", small_store)

@@ -36,6 +36,7 @@ def test_help_documents_every_exit_code():
         assert f"{code.value} " in text.partition("Exit codes:")[2]
 
 
+@pytest.mark.processes
 def test_help_needs_neither_torch_nor_the_web_nor_arrow():
     program = (
         "import sys; from service.cli.main import main; code = main(['train', '--help']); "

@@ -6,6 +6,7 @@ import signal
 import socket
 
 import httpx
+import pytest
 
 from service.cli.failures import ExitCode
 from tests.cli.conftest import call, serve, start
@@ -13,6 +14,7 @@ from tests.cli.conftest import call, serve, start
 _QUERY = {"slope_deg": 22, "mass_kg": 430, "torque_nm": 60}
 
 
+@pytest.mark.processes
 def test_serves_until_interrupted(small_store):
     serving = serve(small_store)
     answer = httpx.get(f"{serving.address}/v1/predictions", params=_QUERY, timeout=30)
@@ -30,6 +32,7 @@ def test_settings_are_checked_before_anything_starts(small_store):
     assert "not a model" in answer.error
 
 
+@pytest.mark.processes
 def test_a_port_in_use_is_a_failure_that_says_so(small_store):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

@@ -83,11 +83,14 @@ _CONFIGS = st.builds(
 )
 
 
+_COMMANDS = get_command(app)
+
+
 @settings(max_examples=60)
 @given(config=_CONFIGS)
 def test_the_command_line_of_a_config_has_the_options_of_that_config(config):
     program, *words = shlex.split(command_line(config))
-    name, command, rest = get_command(app).resolve_command(None, words)
+    name, command, rest = _COMMANDS.resolve_command(None, words)
     options = command.make_context(name, rest).params
     expected = config.model_dump(exclude={"fit"}) | asdict(config.fit)
     given_options = {field: options[field] for field in expected} | {
@@ -97,6 +100,7 @@ def test_the_command_line_of_a_config_has_the_options_of_that_config(config):
     assert given_options == expected
 
 
+@pytest.mark.kills
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
 def test_killed_and_resumed_is_the_same_as_undisturbed(store, tmp_path, end):
     """The process is ended from outside while it fits; the same command then goes on from the saved state."""

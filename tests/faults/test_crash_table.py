@@ -9,6 +9,8 @@ import pytest
 
 from tests.faults.crash_table import SHARES, run
 
+pytestmark = pytest.mark.kills
+
 KILLS = 12
 
 

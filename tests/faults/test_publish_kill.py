@@ -22,6 +22,8 @@ import pytest
 
 from model_store import DatasetDraft, Lineage, ManifestDraft, ModelNotFoundError, ModelStore
 
+pytestmark = pytest.mark.kills
+
 KILLS = 60
 LONGEST_DELAY_S = 0.06
 WEIGHTS_BYTES = 3_000_000

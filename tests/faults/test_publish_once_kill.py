@@ -19,6 +19,8 @@ import pytest
 
 from model_store import Lineage, ManifestDraft, ModelStore
 
+pytestmark = pytest.mark.kills
+
 LIVES = 50
 RIVALS = 2
 LONGEST_DELAY_S = 0.05

@@ -21,11 +21,11 @@ def store(tmp_path: Path) -> ModelStore:
 
 
 @pytest.fixture(scope="session")
-def postgres() -> Iterator[Postgres]:
+def postgres(processes: None) -> Iterator[Postgres]:
     yield from start_postgres()
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.processes)])
 def jobs_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """A fresh, empty database on each of the two engines."""
     if request.param == "sqlite":
@@ -34,6 +34,6 @@ def jobs_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
 
 
 @pytest.fixture(scope="session")
-def nursery() -> Iterator[Nursery]:
+def nursery(processes: None) -> Iterator[Nursery]:
     with Nursery() as nursery:
         yield nursery

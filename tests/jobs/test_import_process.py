@@ -60,6 +60,7 @@ def send(store, data, *, limits=None, dry_run=False, filename="runs.zip", cancel
         assert list(workspace.iterdir()) == []
 
 
+@pytest.mark.processes
 def test_the_same_content_is_created_once_whatever_its_name_and_shape(store):
     path = store.parent / "first.zip"
     path.write_bytes(zipped(honest()))
@@ -76,6 +77,7 @@ def test_the_same_content_is_created_once_whatever_its_name_and_shape(store):
     assert (first.record.description, first.record.created_by) == ("a set", "tests")
 
 
+@pytest.mark.processes
 def test_two_at_once_under_two_names_are_one_dataset(store):
     (store.parent / "sent").write_bytes(zipped(honest()))
     results = []
@@ -108,6 +110,7 @@ def test_an_upload_that_was_killed_half_way_is_taken_up_under_another_name(store
     assert opened.read_dataset_file(again.dataset_id, RUNS_FILE)
 
 
+@pytest.mark.processes
 def test_rejections_come_back_whole(store):
     bad = chrono_text(motion() | {"rear_x_m": motion()["rear_x_m"] + 3.0})
     with pytest.raises(RejectedDatasetError, match="no run is usable") as caught:
@@ -117,12 +120,14 @@ def test_rejections_come_back_whole(store):
     assert ModelStore.open(store).dataset_ids() == []
 
 
+@pytest.mark.processes
 def test_a_map_that_is_not_allowed_comes_back_as_what_it_is(store):
     with pytest.raises(InvalidValueError) as caught:
         send(store, zipped(honest()), column_map="x")
     assert (caught.value.field, caught.value.value) == ("column_map", "x")
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(
     ("limits", "says"),
     [
@@ -139,12 +144,14 @@ def test_bounds_end_the_process_and_not_this_one(limits, says, store, slow):
     assert ModelStore.open(store).dataset_ids() == []
 
 
+@pytest.mark.processes
 def test_a_process_that_dies_is_an_error_of_the_upload(store, monkeypatch):
     monkeypatch.setattr(import_process, "_MAIN", "os:abort")
     with pytest.raises(DatasetError, match=r"ended its process \(signal 6\)"):
         send(store, zipped(honest()))
 
 
+@pytest.mark.processes
 def test_cancelling_kills_the_process(store, monkeypatch):
     monkeypatch.setattr(import_process, "_MAIN", "signal:pause")  # for ever
     before, new = set(psutil.Process().children()), set()

@@ -45,6 +45,7 @@ def another(number=0, **changes):
     return REQUEST.model_copy(update={"seed": number, **changes})
 
 
+@pytest.mark.processes
 def test_what_was_submitted_is_there_for_others_and_after_a_restart(jobs, jobs_url):
     job, new = jobs.submit(REQUEST, actor="tester")
     assert new
@@ -184,6 +185,7 @@ def test_one_who_keeps_the_file_locked_holds_nobody_up_for_long(tmp_path, clock)
     jobs.close()
 
 
+@pytest.mark.kills
 def test_a_server_that_was_killed_is_found_again(postgres, clock):
     jobs = JobQueue.open(postgres.new_database(), 8)
     first = jobs.submit(REQUEST, actor="t")[0].id

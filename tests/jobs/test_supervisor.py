@@ -11,7 +11,7 @@ import pytest
 from service.jobs.supervisor import WorkerSupervisor
 from service.settings import Settings
 
-pytestmark = pytest.mark.anyio
+pytestmark = [pytest.mark.anyio, pytest.mark.processes]
 
 
 @pytest.fixture
@@ -38,11 +38,12 @@ def lives(pid):
 
 
 async def until(condition):
-    with anyio.fail_after(60):
+    with anyio.fail_after(240):
         while not condition():
             await anyio.sleep(0.05)
 
 
+@pytest.mark.kills
 async def test_a_killed_worker_is_started_again_and_the_last_one_ends_with_the_service(settings, tmp_path):
     supervisor = WorkerSupervisor(settings, pauses_s=(0.1, 60.0))
     locks = tmp_path / "jobs.sqlite.workers"

@@ -124,6 +124,7 @@ def test_a_job_makes_what_a_training_makes(store, jobs, start, expected):
     assert store.work_names(job_id) == []
 
 
+@pytest.mark.kills
 def test_killed_again_and_again_a_job_ends_with_the_very_same_weights(store, jobs, start, expected):
     job_id = submit(store, jobs)
     delays = random.Random(4)
@@ -142,6 +143,7 @@ def test_killed_again_and_again_a_job_ends_with_the_very_same_weights(store, job
     require_in_order(jobs, job_id)
 
 
+@pytest.mark.kills
 def test_the_other_worker_goes_on_when_one_is_killed(store, jobs, start, expected, clock):
     first = start()
     job_id = submit(store, jobs)
@@ -193,6 +195,7 @@ def test_a_cancelled_job_stops_within_seconds_and_leaves_nothing(store, jobs, st
     until(lambda: store.work_names(job_id) == [], 30, "no work files")
 
 
+@pytest.mark.kills
 @on_one_engine
 def test_a_job_that_gets_further_each_time_survives_any_number_of_kills(store, jobs, start):
     job_id = submit(store, jobs, budget=Budget(max_epochs=600))
@@ -208,6 +211,7 @@ def test_a_job_that_gets_further_each_time_survives_any_number_of_kills(store, j
     assert store.versions("killed") == [1]
 
 
+@pytest.mark.kills
 @on_one_engine
 def test_a_job_that_kills_its_workers_fails_in_the_end(store, jobs, start):
     job_id = submit(store, jobs)
@@ -249,6 +253,7 @@ def test_time_that_is_up_ends_the_fit_with_the_best_epoch(store, jobs, start):
     assert 0.3 <= fit["elapsed_s"] < 60  # of the minutes that so many epochs would take
 
 
+@pytest.mark.kills
 def test_a_database_server_that_is_killed_only_delays(store, postgres, nursery, place, expected):
     url = postgres.new_database()
     jobs = JobQueue.open(url, 16)

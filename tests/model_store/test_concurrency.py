@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import threading
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -21,60 +22,82 @@ CHILD = """
 import json, sys
 from model_store import ConflictError, DatasetDraft, Lineage, ManifestDraft, ModelStore
 
-action, url, me = sys.argv[1:]
-store = ModelStore.open(url)
+(me,) = sys.argv[1:]
 draft = ManifestDraft(created_by=me, checkpoint={}, domain={}, metrics={}, lineage=Lineage())
-store.model_names()
-print("ready", flush=True)
-sys.stdin.readline()
-if action == "publish":
+
+
+def publish(store):
     files = {"weights.safetensors": me.encode() * 100_000, "report/me.txt": me.encode()}
-    print(json.dumps([store.publish("viper", files, draft).version for _ in range(3)]))
-elif action == "move":
-    print(json.dumps([store.move_alias("viper", "champion", 1, actor=me, reason="").seq for _ in range(5)]))
-elif action == "expect":
+    return [store.publish("viper", files, draft).version for _ in range(3)]
+
+
+def move(store):
+    return [store.move_alias("viper", "champion", 1, actor=me, reason="").seq for _ in range(5)]
+
+
+def expect(store):
     try:
-        print(json.dumps([store.move_alias("viper", "champion", 1, actor=me, reason="", expected_seq=1).seq]))
+        return [store.move_alias("viper", "champion", 1, actor=me, reason="", expected_seq=1).seq]
     except ConflictError:
-        print("[]")
-elif action == "dataset":
+        return []
+
+
+def dataset(store):
     files = {"runs.parquet": b"PAR1" * 100_000, "passport.json": b"{}"}
-    print(json.dumps(store.put_dataset("a" * 64, files, DatasetDraft(name=me, created_by=me)).created_by))
+    return store.put_dataset("a" * 64, files, DatasetDraft(name=me, created_by=me)).created_by
+
+
+for line in sys.stdin:
+    action, url = json.loads(line)
+    store = ModelStore.open(url)
+    store.model_names()
+    print("ready", flush=True)
+    sys.stdin.readline()
+    print(json.dumps(globals()[action](store)), flush=True)
 """
 
 
-def together(action, url):
-    """Run the action in eight processes that start at the same moment; return what each reported."""
+@pytest.fixture(scope="module")
+def children(processes):
+    """Eight processes that wait for something to do."""
     environment = {**os.environ, "PYTHONPATH": str(Path(model_store.__file__).parents[1])}
-    children = [
-        subprocess.Popen(
-            [sys.executable, "-c", CHILD, action, str(url), f"child-{number}"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env=environment,
-        )
-        for number in range(PROCESSES)
-    ]
-    try:
+    with ExitStack() as stack:
+        children = [
+            stack.enter_context(
+                subprocess.Popen(
+                    [sys.executable, "-c", CHILD, f"child-{number}"],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    text=True,
+                    env=environment,
+                )
+            )
+            for number in range(PROCESSES)
+        ]
+        yield children
         for child in children:
-            assert child.stdout.readline() == "ready\n"
-        for child in children:
-            child.stdin.write("go\n")
-            child.stdin.flush()
-        reports = [json.loads(child.communicate(timeout=60)[0]) for child in children]
-    finally:
-        for child in children:
-            child.kill()
-            child.wait()
             child.stdin.close()
-            child.stdout.close()
-    assert [child.returncode for child in children] == [0] * PROCESSES
-    return reports
+        assert [child.wait(60) for child in children] == [0] * PROCESSES
 
 
-def test_publishers_at_once_get_distinct_whole_versions(store, directory):
-    reports = together("publish", directory)
+@pytest.fixture
+def together(children, directory):
+    """Lets all of them do one thing to the store at the same moment; gives what each reported."""
+
+    def do(action):
+        for line, heard in ((json.dumps([action, str(directory)]), "ready\n"), ("go", None)):
+            for child in children:
+                child.stdin.write(f"{line}\n")
+                child.stdin.flush()
+            said = [child.stdout.readline() for child in children]
+            assert heard is None or said == [heard] * PROCESSES
+        return [json.loads(each) for each in said]
+
+    return do
+
+
+def test_publishers_at_once_get_distinct_whole_versions(store, together):
+    reports = together("publish")
     versions = [version for report in reports for version in report]
     assert sorted(versions) == store.versions("viper")
     assert len(set(versions)) == 3 * PROCESSES
@@ -86,26 +109,26 @@ def test_publishers_at_once_get_distinct_whole_versions(store, directory):
             assert store.read_file(manifest, "report/me.txt") == f"child-{number}".encode()
 
 
-def test_movers_at_once_are_all_recorded(store, directory, files, draft):
+def test_movers_at_once_are_all_recorded(store, together, files, draft):
     store.publish("viper", files, draft)
-    reports = together("move", directory)
+    reports = together("move")
     assert sorted(seq for report in reports for seq in report) == list(range(1, 5 * PROCESSES + 1))
     history = store.alias_history("viper", "champion")
     for number, report in enumerate(reports):
         assert [record.seq for record in history if record.actor == f"child-{number}"] == report
 
 
-def test_of_movers_who_expect_the_same_record_one_wins(store, directory, files, draft):
+def test_of_movers_who_expect_the_same_record_one_wins(store, together, files, draft):
     store.publish("viper", files, draft)
     store.move_alias("viper", "champion", 1, **BY)
-    reports = together("expect", directory)
+    reports = together("expect")
     assert sorted(reports, key=len) == [[]] * (PROCESSES - 1) + [[2]]
     winner = reports.index([2])
     assert store.alias("viper", "champion").actor == f"child-{winner}"
 
 
-def test_one_dataset_put_by_many_at_once_is_one_dataset(store, directory):
-    reports = together("dataset", directory)
+def test_one_dataset_put_by_many_at_once_is_one_dataset(store, together):
+    reports = together("dataset")
     assert set(reports) == {store.dataset("a" * 64).created_by}
     assert store.read_dataset_file("a" * 64, "runs.parquet") == b"PAR1" * 100_000
 

@@ -213,6 +213,7 @@ print(json.dumps(told))
 """
 
 
+@pytest.mark.processes
 def test_processes_at_once_publish_once(directory):
     store = ModelStore.open(directory, create=True)
     environment = {**os.environ, "PYTHONPATH": str(Path(model_store.__file__).parents[1])}

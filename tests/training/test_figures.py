@@ -10,7 +10,7 @@ from service.learning.evaluate import PositionErrors, RunEvaluation
 from service.learning.network.fit_config import FitConfig
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.scenario import Positions
-from service.training.figures import RENDERERS, STYLES, as_png, as_svg, reproduction_figures
+from service.training.figures import RENDERERS, STYLES, reproduction_figures
 from service.training.report import climbs, error_curves, left_out_report, relative_error
 from service.training.reproduce import CONTESTANTS, Effort, Reproduction, Row, Trial, set_course
 from tests.learning.synthetic import synthetic_run
@@ -32,13 +32,24 @@ def reproduction(tmp_path_factory) -> Reproduction:
     return Reproduction(course, Effort(1, FitConfig()), tuple(rows))
 
 
-def test_there_are_the_papers_four_figures(reproduction):
-    assert reproduction_figures(reproduction).keys() == NAMES
+def drawn(reproduction, kind):
+    """The files of all figures; a figure that is drawn again is another one."""
+    return {name: RENDERERS[kind](figure) for name, figure in reproduction_figures(reproduction).items()}
+
+
+@pytest.fixture(scope="module")
+def twice(reproduction):
+    """Every file of one kind, made two times."""
+    return {kind: (drawn(reproduction, kind), drawn(reproduction, kind)) for kind in RENDERERS}
+
+
+def test_there_are_the_papers_four_figures(twice):
+    assert twice["svg"][0].keys() == NAMES
 
 
 @pytest.mark.parametrize("name", sorted(NAMES))
-def test_a_figure_is_small_svg_with_every_series_and_units(reproduction, name):
-    svg = as_svg(reproduction_figures(reproduction)[name])
+def test_a_figure_is_small_svg_with_every_series_and_units(twice, name):
+    svg = twice["svg"][0][name]
     assert ET.fromstring(svg).tag == "{http://www.w3.org/2000/svg}svg"
     assert len(svg) < MOST_BYTES
     text = svg.decode()
@@ -50,22 +61,22 @@ def test_a_figure_is_small_svg_with_every_series_and_units(reproduction, name):
 
 @pytest.mark.parametrize("kind", RENDERERS)
 @pytest.mark.parametrize("name", sorted(NAMES))
-def test_the_same_numbers_give_the_same_bytes(reproduction, name, kind):
-    render = RENDERERS[kind]
-    one, other = (render(reproduction_figures(reproduction)[name]) for _ in range(2))
-    assert one == other
+def test_the_same_numbers_give_the_same_bytes(twice, name, kind):
+    one, other = twice[kind]
+    assert one[name] == other[name]
 
 
-def test_other_numbers_give_other_bytes(reproduction):
+def test_other_numbers_give_other_bytes(reproduction, twice):
     row = reproduction.rows[0]
     moved = replace(row.trials[0], unseen=Positions(row.trials[0].unseen.x_m + 0.1, row.trials[0].unseen.y_m))
     changed = replace(reproduction, rows=(replace(row, trials=(moved,)), *reproduction.rows[1:]))
+    others = drawn(changed, "svg")
     for name in NAMES - {"figure_4_double_mass"}:
-        assert as_svg(reproduction_figures(changed)[name]) != as_svg(reproduction_figures(reproduction)[name])
+        assert others[name] != twice["svg"][0][name]
 
 
-def test_a_png_is_a_png(reproduction):
-    png = as_png(reproduction_figures(reproduction)["figure_3_distance"])
+def test_a_png_is_a_png(twice):
+    png = twice["png"][0]["figure_3_distance"]
     assert png.startswith(b"\x89PNG\r\n")
     assert len(png) < MOST_BYTES
 
@@ -86,8 +97,13 @@ def left_out():
     return evaluations, error_curves(runs, positions)
 
 
-def test_the_left_out_report_is_small_files_that_are_the_same_each_time():
-    one, other = (left_out_report(*left_out(), VIPER, LUNAR_REGOLITH) for _ in range(2))
+@pytest.fixture(scope="module")
+def report():
+    return left_out_report(*left_out(), VIPER, LUNAR_REGOLITH)
+
+
+def test_the_left_out_report_is_small_files_that_are_the_same_each_time(report):
+    one, other = report, left_out_report(*left_out(), VIPER, LUNAR_REGOLITH)
     assert one == other
     assert one.keys() == {"report/left_out.md", "report/left_out_errors.svg", "report/left_out_time.svg"}
     for name, content in one.items():
@@ -97,8 +113,8 @@ def test_the_left_out_report_is_small_files_that_are_the_same_each_time():
             assert name.removeprefix("report/") in one["report/left_out.md"].decode()
 
 
-def test_the_left_out_table_tells_sets_and_climbing_runs_apart():
-    page = left_out_report(*left_out(), VIPER, LUNAR_REGOLITH)["report/left_out.md"].decode()
+def test_the_left_out_table_tells_sets_and_climbing_runs_apart(report):
+    page = report["report/left_out.md"].decode()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line[:1] == "|"]
     found = {(row[0], row[1]): row[2:] for row in rows if row[1] in ("climbing", "stalling or sliding", "both")}
     assert {names: int(cells[0]) for names, cells in found.items()} == {
@@ -128,9 +144,8 @@ def test_a_section_tells_how_well_slopes_are_predicted_from_the_others():
     assert [row[3:] for row in rows if row[:3] == [r"a\|b", "860", "60"]] == of_one
 
 
-def test_without_series_there_is_no_such_section():
+def test_without_series_there_is_no_such_section(report):
     evaluations, curves = left_out()
-    report = left_out_report(evaluations, curves, VIPER, LUNAR_REGOLITH)
     assert b"One slope left out" not in report["report/left_out.md"]
     assert left_out_report(evaluations, curves, VIPER, LUNAR_REGOLITH, evaluations).keys() == report.keys()
 

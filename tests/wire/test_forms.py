@@ -93,6 +93,7 @@ def test_decimal_steps_have_whole_time_codes(horizon_s, dt_s, rate):
     assert (codes == np.rint(codes)).all()
 
 
+@pytest.mark.processes
 def test_forms_cost_their_libraries_only_when_asked_for():
     program = """
 import sys

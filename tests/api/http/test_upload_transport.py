@@ -103,6 +103,7 @@ def test_a_client_that_only_sends_still_gets_the_answer(small):
     assert (announced.status_code, streamed.status_code) == (413, 413)
 
 
+@pytest.mark.processes
 def test_a_body_of_exactly_the_limit_is_read(small):
     assert small.client.post(DATASETS, content=b"x" * LIMIT).status_code == 422
     assert small.client.post(DATASETS, content=b"x" * (LIMIT + 1)).status_code == 413
@@ -115,6 +116,7 @@ def test_the_larger_limit_is_for_uploads_only(small):
     assert small.client.request("GET", DATASETS, content=b"x" * (64 * 1024 + 1)).status_code == 413
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(
     "data",
     [
@@ -147,6 +149,7 @@ def test_a_client_that_stops_sending_is_not_waited_for(small, folder, monkeypatc
     assert left_in(folder) == []
 
 
+@pytest.mark.processes
 def test_a_third_upload_at_once_is_turned_away_until_one_has_ended(small, folder):
     slow = (head("Content-Length: 1000"), b"x")
     with sending(small, *slow):

@@ -36,13 +36,14 @@ def upload_raw(admin, data, **query):
 
 
 @pytest.fixture(scope="module")
-def stored(admin):
+def stored(admin, processes):
     """One dataset that is there: the answer to its upload."""
     answer = upload(admin, archive(), name="stored", description="made by a test")
     assert answer.status_code == 201, answer.text
     return answer.json()
 
 
+@pytest.mark.processes
 def test_an_upload_is_stored_under_the_digest_of_its_content_and_says_what_it_took(admin):
     answer = upload(admin, archive(seed=0.01, broken={1}), name="slopes")
 
@@ -60,6 +61,7 @@ def test_an_upload_is_stored_under_the_digest_of_its_content_and_says_what_it_to
     assert taken["report"]["summary"]["slope_deg"] == {"lowest": 20, "highest": 22}
 
 
+@pytest.mark.processes
 def test_the_same_content_is_the_same_dataset_however_it_came(admin, stored):
     as_form = upload(admin, archive(), name="another-name")
     as_body = upload_raw(admin, archive(), name="a-third-name", filename="x.zip")
@@ -72,6 +74,7 @@ def test_the_same_content_is_the_same_dataset_however_it_came(admin, stored):
         assert again["name"] == "stored"
 
 
+@pytest.mark.processes
 def test_of_the_same_upload_many_times_at_once_one_creates_it(admin):
     data = archive(seed=0.02)
 
@@ -82,6 +85,7 @@ def test_of_the_same_upload_many_times_at_once_one_creates_it(admin):
     assert len({answer.json()["id"] for answer in answers}) == 1
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize("send", [upload, upload_raw])
 def test_a_dry_run_says_the_same_and_stores_nothing(admin, send):
     data = archive(seed=0.03)
@@ -102,6 +106,7 @@ def test_a_dry_run_says_the_same_and_stores_nothing(admin, send):
     admin.client.delete(wet.json()["links"]["self"])
 
 
+@pytest.mark.processes
 def test_one_plain_file_gets_its_scenario_from_the_form(admin):
     answer = upload(
         admin,
@@ -120,6 +125,7 @@ def test_one_plain_file_gets_its_scenario_from_the_form(admin):
     assert one["passport"]["title"] == "synthetic"
 
 
+@pytest.mark.processes
 def test_a_passport_may_be_a_part_with_a_file(admin):
     files = {"file": ("run.csv", run_text(0.78)), "passport": ("passport.json", json.dumps(PASSPORT))}
 
@@ -129,6 +135,7 @@ def test_a_passport_may_be_a_part_with_a_file(admin):
     assert admin.get(answer.json()["links"]["self"]).json()["passport"]["title"] == "synthetic"
 
 
+@pytest.mark.processes
 def test_what_nothing_of_can_be_used_is_refused_with_every_reason(admin):
     before = admin.store.dataset_ids()
 
@@ -144,6 +151,7 @@ def test_what_nothing_of_can_be_used_is_refused_with_every_reason(admin):
     assert admin.store.dataset_ids() == before
 
 
+@pytest.mark.processes
 def test_strict_refuses_everything_for_one_bad_run(admin):
     answer = upload(admin, archive(seed=0.04, broken={1}), strict="true")
 
@@ -165,7 +173,7 @@ def test_strict_refuses_everything_for_one_bad_run(admin):
         ({"passport": "[1]"}, "passport"),
         ({"passport": '{"gravity_m_s2": NaN}'}, "passport"),
         ({"column_map": "{"}, "column_map"),
-        ({"column_map": "no-such-preset"}, "column_map"),
+        pytest.param({"column_map": "no-such-preset"}, "column_map", marks=pytest.mark.processes),
         ({"colour": "red"}, "colour"),
     ],
 )
@@ -225,9 +233,16 @@ MALFORMED = {
     "empty file": ("multipart/form-data; boundary=cut", multipart((FILE, b"")), 422),
     "nothing at all": ("application/octet-stream", b"", 422),
 }
+READ = ("empty file", "nothing at all")  # as uploads, in a process
 
 
-@pytest.mark.parametrize(("kind", "body", "status"), MALFORMED.values(), ids=MALFORMED.keys())
+@pytest.mark.parametrize(
+    ("kind", "body", "status"),
+    [
+        pytest.param(*case, id=name, marks=[pytest.mark.processes] if name in READ else [])
+        for name, case in MALFORMED.items()
+    ],
+)
 def test_bodies_that_are_no_upload(admin, kind, body, status):
     before = admin.store.dataset_ids()
 
@@ -238,6 +253,7 @@ def test_bodies_that_are_no_upload(admin, kind, body, status):
     assert admin.store.dataset_ids() == before
 
 
+@pytest.mark.processes
 def test_a_file_name_is_shown_and_never_becomes_a_path(admin):
     head = b'Content-Disposition: form-data; name="file"; filename="../../etc/\xc3\xa4passwd"'
     body = multipart((head, run_text(0.79)), *((f'Content-Disposition: form-data; name="{name}"'.encode(), value)
@@ -293,6 +309,7 @@ def test_a_dataset_that_is_not_there(admin, path, reference):
     assert answer.json()["type"].endswith(("dataset-not-found", "not-found"))
 
 
+@pytest.mark.processes
 def test_a_name_that_two_datasets_have_is_no_answer(admin):
     for seed in (0.06, 0.07):
         upload(admin, archive(runs=1, seed=seed), name="twins")
@@ -326,6 +343,7 @@ def test_the_download_is_what_is_stored_and_comes_back_as_the_same_dataset(admin
     assert (again.status_code, again.json()["id"]) == (200, stored["id"])
 
 
+@pytest.mark.processes
 def test_a_dataset_that_nobody_names_can_be_deleted_and_uploaded_again(admin):
     taken = upload(admin, archive(seed=0.08)).json()
     own = taken["links"]["self"]
@@ -339,6 +357,7 @@ def test_a_dataset_that_nobody_names_can_be_deleted_and_uploaded_again(admin):
     assert upload(admin, archive(seed=0.08)).status_code == 201
 
 
+@pytest.mark.processes
 def test_a_dataset_that_a_version_was_trained_on_stays(admin):
     taken = upload(admin, archive(seed=0.09)).json()
     version = publish_version(admin.store, "trained-on-it")
@@ -356,6 +375,7 @@ def test_a_dataset_that_a_version_was_trained_on_stays(admin):
     assert taken["id"] in admin.store.dataset_ids()
 
 
+@pytest.mark.processes
 def test_a_dataset_that_a_job_waits_for_stays_until_the_job_has_ended(admin):
     taken = upload(admin, archive(seed=0.13)).json()
     queue = JobQueue.open(Settings(store_url=str(admin.folder)).jobs_url(), 16)
@@ -371,6 +391,7 @@ def test_a_dataset_that_a_job_waits_for_stays_until_the_job_has_ended(admin):
     assert admin.client.delete(taken["links"]["self"]).status_code == 204
 
 
+@pytest.mark.processes
 def test_without_the_jobs_database_nothing_is_deleted(serve, tmp_path):
     database = tmp_path / "no-folder" / "jobs.sqlite"
     database.parent.write_text("a file where a folder belongs")
@@ -383,6 +404,7 @@ def test_without_the_jobs_database_nothing_is_deleted(serve, tmp_path):
     assert service.store.dataset_ids() == [taken["id"]]
 
 
+@pytest.mark.processes
 def test_what_is_damaged_in_the_store_is_told_and_never_arrives_whole(serve, store, tmp_path):
     service = serve(admin_token=TOKEN, start_worker=False)
     service.client.headers["Authorization"] = f"Bearer {TOKEN}"
@@ -404,6 +426,7 @@ def test_what_is_damaged_in_the_store_is_told_and_never_arrives_whole(serve, sto
     assert service.client.delete(second["links"]["self"]).status_code == 204
 
 
+@pytest.mark.processes
 def test_predictions_go_on_while_an_upload_is_read(admin):
     move_alias(admin.store, publish_version(admin.store))
     admin.wait_ready()
@@ -419,6 +442,7 @@ def test_predictions_go_on_while_an_upload_is_read(admin):
     assert set(answers) == {200}
 
 
+@pytest.mark.processes
 def test_an_archive_that_holds_an_archive_is_refused(admin):
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as out:

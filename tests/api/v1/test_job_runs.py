@@ -8,6 +8,8 @@ from tests.api.training import ADDRESS, admin_serving, damage, job_store, submit
 from tests.api.v1.test_job_events import following, parsed, read, states
 from tests.fair_clock import fair_clock
 
+pytestmark = pytest.mark.processes
+
 PATIENCE_S = 120
 
 

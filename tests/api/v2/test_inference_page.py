@@ -35,6 +35,7 @@ def test_the_page_has_examples_for_both():
     assert [language for language, _, _ in runs()] == ["sh", "python"]
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(("language", "text", "shown"), runs(), ids=lambda value: str(value)[:6])
 def test_an_example_prints_what_the_page_shows(shipped, language, text, shown):
     text = text.replace("localhost:8000", shipped.url.removeprefix("http://"))
