@@ -16,6 +16,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 import pytest
+import requests
 import torch
 
 from model_store import WEIGHTS, Lineage, ManifestDraft, ModelStore
@@ -95,7 +96,7 @@ class Running:
     def predict(self, **query: object) -> httpx.Response:
         return self.get("/v1/predictions", **(QUESTION | query))
 
-    def wait_ready(self, timeout_s: float = 10.0) -> httpx.Response:
+    def wait_ready(self, timeout_s: float = 30.0) -> httpx.Response:
         deadline = time.monotonic() + timeout_s
         while (answer := self.get("/health/ready")).status_code != 200 and time.monotonic() < deadline:
             time.sleep(0.05)
@@ -225,6 +226,14 @@ def own_process(
     """Starts a process over `store`; gives its client and the process."""
     with ExitStack() as stack:
         yield lambda **settings: stack.enter_context(process_serving(store, **settings))
+
+
+@pytest.fixture
+def session() -> Iterator[requests.Session]:
+    """Keeps its connections, and looks for no proxies."""
+    with requests.Session() as session:
+        session.trust_env = False
+        yield session
 
 
 @pytest.fixture

@@ -33,5 +33,5 @@ schema = schemathesis.openapi.from_dict(openapi_document()).exclude(path_regex="
 
 @schema.parametrize()
 @settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-def test_the_service_keeps_its_contract(case, service):
-    case.call_and_validate(base_url=service.url, checks=CHECKS)
+def test_the_service_keeps_its_contract(case, service, session):
+    case.call_and_validate(base_url=service.url, session=session, checks=CHECKS)

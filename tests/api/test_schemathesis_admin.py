@@ -29,5 +29,5 @@ def filled(service_with_token):
 
 @schema.parametrize()
 @settings(max_examples=10, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-def test_the_admin_side_keeps_its_contract(case, filled):
-    case.call_and_validate(base_url=filled.url, checks=CHECKS, headers=ADMIN)
+def test_the_admin_side_keeps_its_contract(case, filled, session):
+    case.call_and_validate(base_url=filled.url, session=session, checks=CHECKS, headers=ADMIN)

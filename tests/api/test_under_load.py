@@ -26,27 +26,21 @@ def ask(service, path="/v1/predictions", **query):
 def test_the_event_loop_answers_while_every_worker_is_busy(store, publish, move, question, own_process):
     move(store, publish(store, architecture="paper_network"))
     client, _process = own_process()
-    heavy = question | {"horizon_s": 600, "dt_s": 0.00601, "include": "prior"}
-    took = []
+    heavy = question | {"horizon_s": 600, "dt_s": 0.0201, "include": "prior"}
+    assert client.get("/v1/predictions", params=heavy).status_code == 200
 
-    def seconds(path, **query):
-        began = time.perf_counter()
-        assert client.get(path, params=query).status_code == 200
-        return time.perf_counter() - began
-
-    alone = min(seconds("/v1/predictions", **heavy) for _ in range(2))
+    alive = 0
     with ThreadPoolExecutor(8) as pool:
         running = [pool.submit(client.get, "/v1/predictions", params=heavy) for _ in range(8)]
         while not all(each.done() for each in running):
-            took.append(seconds("/health/live"))
+            assert client.get("/health/live").status_code == 200
+            alive += 1
         answers = [each.result() for each in running]
 
     assert [answer.status_code for answer in answers] == [200] * 8
     assert len({answer.content for answer in answers}) == 1
-    took.sort()
-    assert len(took) >= 10
-    # a blocked loop would let nearly each of them wait for a prediction; a machine that stalls hits one or two
-    assert took[int(0.8 * len(took))] < max(0.1, alone / 4), f"of {len(took)}: {took[-3:]}, one alone {alone:.3f} s"
+    # each takes a hundredth of a prediction, on a slow machine too; behind a blocked loop one or two would fit in each
+    assert alive > 5 * len(running)
 
 
 def test_what_would_wait_too_long_is_turned_away(serve, store, publish, move, question):

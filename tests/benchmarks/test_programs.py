@@ -12,7 +12,7 @@ from tests.benchmarks.report import Bar, bars_table, write_part
 
 
 @pytest.fixture(scope="module")
-def floors():
+def floors(processes):
     with server("floors") as running:
         yield running
 

@@ -32,11 +32,18 @@ def test_settings_are_checked_before_anything_starts(small_store):
     assert "not a model" in answer.error
 
 
+@pytest.mark.parametrize("wrong", ["0", "many", "257"])
+def test_a_wrong_number_of_processes_is_refused_by_name(wrong, small_store):
+    answer = call("serve", "--workers", wrong, "--store", small_store)
+    assert answer.code == ExitCode.USAGE
+    assert "workers" in answer.error
+
+
 @pytest.mark.processes
-def test_a_port_in_use_is_a_failure_that_says_so(small_store):
+def test_a_port_in_use_is_a_failure_that_says_so():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        process = start("serve", "--port", port, "--model", "rover", "--store", small_store)
+        process = start("serve", "--port", port)  # with the shipped model, which needs no torch
         _, err = process.communicate(timeout=60)
     assert process.returncode == ExitCode.FAILED
     assert "in use" in err

@@ -100,13 +100,32 @@ def test_the_command_line_of_a_config_has_the_options_of_that_config(config):
     assert given_options == expected
 
 
+_LONG = (
+    "--epochs",
+    "150",
+    "--rows-per-epoch",
+    "64",
+    "--batch-rows",
+    "64",
+    "--threads",
+    "1",
+    "--patience-epochs",
+    "150",
+)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(small_store):
+    """The digest of the weights of the long training."""
+    return call(*_BASE, *_LONG, "--no-publish", "--json", "--store", small_store).json["weights_sha256"]
+
+
 @pytest.mark.kills
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
-def test_killed_and_resumed_is_the_same_as_undisturbed(store, tmp_path, end):
+def test_killed_and_resumed_is_the_same_as_undisturbed(store, undisturbed, tmp_path, end):
     """The process is ended from outside while it fits; the same command then goes on from the saved state."""
     state = tmp_path / "fit.state"
-    words = [*_BASE, "--epochs", "150", "--rows-per-epoch", "300", "--batch-rows", "64", "--threads", "1"]
-    words += ["--patience-epochs", "150", "--store", str(store)]
+    words = [*_BASE, *_LONG, "--store", str(store)]
     process = start(*words, "--state", state)
     deadline = time.monotonic() + 60
     while not state.exists() and process.poll() is None and time.monotonic() < deadline:
@@ -122,8 +141,7 @@ def test_killed_and_resumed_is_the_same_as_undisturbed(store, tmp_path, end):
     resumed = call(*words, "--state", state, "--json")
     assert "going on after epoch" in resumed.err
     assert not state.exists()
-    undisturbed = call(*words, "--no-publish", "--json")
-    assert resumed.json["weights_sha256"] == undisturbed.json["weights_sha256"]
+    assert resumed.json["weights_sha256"] == undisturbed
 
 
 def test_a_finished_state_publishes_without_training_again(store, tmp_path):

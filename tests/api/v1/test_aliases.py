@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from tests.api.conftest import publish_version
 from tests.fair_clock import fair_clock
 
 CHAMPION = "/v1/models/viper-lunar/aliases/champion"
@@ -24,6 +25,23 @@ def roll_back(admin, **headers):
 @pytest.fixture
 def three(store, publish):
     return [publish(store, coefficient=coefficient) for coefficient in (0.1, 0.2, 0.3)]
+
+
+@pytest.fixture(scope="module")
+def unmoved(service_with_token):
+    """A service for all tests after which nothing has moved: three versions, no alias."""
+    for coefficient in (0.1, 0.2, 0.3):
+        publish_version(service_with_token.store, coefficient=coefficient)
+    return service_with_token
+
+
+@pytest.fixture
+def own_champion(service_with_token):
+    """The path of an alias that no other test moves, of a model with three versions; its service is that of all."""
+    name = f"own-{len(service_with_token.store.model_names())}"
+    for coefficient in (0.1, 0.2, 0.3):
+        publish_version(service_with_token.store, name, coefficient=coefficient)
+    return f"/v1/models/{name}/aliases/champion"
 
 
 def test_a_new_alias_is_created_and_an_old_one_moves_by_its_etag(admin, three):
@@ -61,14 +79,14 @@ def test_a_new_alias_is_created_and_an_old_one_moves_by_its_etag(admin, three):
         ({"If_Match": "*"}, 200, None),
     ],
 )
-def test_preconditions_of_an_alias_that_is_there(admin, store, three, conditions, status, problem):
-    move(admin, 1)
-    move(admin, 2, If_Match='"1"')
+def test_preconditions_of_an_alias_that_is_there(service_with_token, own_champion, conditions, status, problem):
+    move(service_with_token, 1, path=own_champion)
+    move(service_with_token, 2, path=own_champion, If_Match='"1"')
 
-    answer = move(admin, 3, **conditions)
+    answer = move(service_with_token, 3, path=own_champion, **conditions)
 
     assert answer.status_code == status, answer.text
-    assert store.alias("viper-lunar", "champion").version == (3 if status == 200 else 2)
+    assert service_with_token.get(own_champion).json()["version"] == (3 if status == 200 else 2)
     if problem:
         assert answer.json()["type"].endswith(problem)
 
@@ -77,11 +95,11 @@ def test_preconditions_of_an_alias_that_is_there(admin, store, three, conditions
     ("conditions", "status"),
     [({}, 201), ({"If_None_Match": "*"}, 201), ({"If_Match": "*"}, 412), ({"If_Match": '"1"'}, 412)],
 )
-def test_preconditions_of_an_alias_that_is_new(admin, store, three, conditions, status):
-    answer = move(admin, 1, **conditions)
+def test_preconditions_of_an_alias_that_is_new(service_with_token, own_champion, conditions, status):
+    answer = move(service_with_token, 1, path=own_champion, **conditions)
 
     assert answer.status_code == status, answer.text
-    assert ("champion" in store.aliases("viper-lunar")) == (status == 201)
+    assert service_with_token.get(own_champion).status_code == (200 if status == 201 else 404)
 
 
 def test_of_many_who_move_the_alias_that_they_all_saw_one_wins(admin, store, three):
@@ -123,12 +141,12 @@ def test_of_many_who_create_an_alias_one_wins(admin, store, three):
         (CHAMPION, [1], 422, "invalid-input"),
     ],
 )
-def test_what_cannot_be_moved(admin, store, three, path, body, status, problem):
-    answer = admin.client.put(path, json=body)
+def test_what_cannot_be_moved(unmoved, path, body, status, problem):
+    answer = unmoved.client.put(path, json=body)
 
     assert answer.status_code == status, answer.text
     assert answer.json()["type"].endswith(problem)
-    assert store.aliases("viper-lunar") == {}
+    assert unmoved.store.aliases("viper-lunar") == {}
 
 
 @pytest.mark.parametrize(
@@ -144,11 +162,11 @@ def test_what_cannot_be_moved(admin, store, three, path, body, status, problem):
         (b'{"version": 1, "reason": "' + b"x" * 70_000 + b'"}', "application/json", 413),
     ],
 )
-def test_bodies_that_are_none(admin, store, three, content, kind, status):
-    answer = admin.client.put(CHAMPION, content=content, headers={"Content-Type": kind})
+def test_bodies_that_are_none(unmoved, content, kind, status):
+    answer = unmoved.client.put(CHAMPION, content=content, headers={"Content-Type": kind})
 
     assert answer.status_code == status, answer.text
-    assert store.aliases("viper-lunar") == {}
+    assert unmoved.store.aliases("viper-lunar") == {}
 
 
 def test_rollback_undoes_one_version_change_after_the_other(admin, three):
@@ -190,8 +208,8 @@ def test_of_many_who_roll_back_what_they_all_saw_one_does(admin, store, three):
 
 
 @pytest.mark.parametrize("name", ["champion", "no-such", "3"])
-def test_a_rollback_of_an_alias_that_is_not_there(admin, three, name):
-    answer = admin.client.post(f"/v1/models/viper-lunar/aliases/{name}/rollback")
+def test_a_rollback_of_an_alias_that_is_not_there(unmoved, name):
+    answer = unmoved.client.post(f"/v1/models/viper-lunar/aliases/{name}/rollback")
 
     assert answer.status_code == 404
     assert answer.json()["type"].endswith("alias-not-found")

@@ -57,6 +57,14 @@ DAMAGES = {
 }
 
 
+def eventually(look, within_s=30.0):
+    end = time.monotonic() + within_s
+    while not (found := look()):
+        assert time.monotonic() < end, "did not happen in time"
+        time.sleep(0.05)
+    return found
+
+
 @pytest.mark.parametrize("name", DAMAGES)
 def test_a_damaged_version_is_a_problem_of_its_own(serve, store, publish, move, name):
     damage, slug, word = DAMAGES[name]
@@ -84,16 +92,13 @@ def test_a_champion_that_turns_out_damaged_leaves_the_old_one_serving(serve, sto
     damage(version_folder(store, version))
     move(store, version)
 
-    deadline = time.monotonic() + 5
-    while not (failures := service.get("/health/ready").json()["failures"]) and time.monotonic() < deadline:
-        time.sleep(0.05)
+    failures = eventually(lambda: service.get("/health/ready").json()["failures"])
 
     assert failures[0]["reference"] == "viper-lunar@champion"
     assert word in failures[0]["message"]
     assert service.predict().json()["model"]["version"] == 1
     move(store, 1)
-    time.sleep(0.5)
-    assert service.get("/health/ready").json()["failures"] == []
+    eventually(lambda: service.get("/health/ready").json()["failures"] == [])
 
 
 def test_an_empty_store_is_alive_not_ready_and_heals(serve, store, publish, move):
@@ -109,7 +114,7 @@ def test_an_empty_store_is_alive_not_ready_and_heals(serve, store, publish, move
     version = publish(store)
     assert "no alias" in service.get("/health/ready").json()["detail"]
     move(store, version)
-    service.wait_ready(timeout_s=2)
+    service.wait_ready()
     assert service.predict().status_code == 200
 
 
@@ -123,7 +128,7 @@ def test_a_broken_default_is_alive_not_ready_and_heals(serve, store, publish, mo
     assert service.predict().json()["type"] == "urn:rover-twin:problem:artefact-corrupt"
 
     move(store, publish(store))
-    assert service.wait_ready(timeout_s=2).json()["model"]["version"] == 2
+    assert service.wait_ready().json()["model"]["version"] == 2
 
 
 def test_an_alias_to_nothing_is_told_and_does_not_hide_other_models(serve, store, publish, move):

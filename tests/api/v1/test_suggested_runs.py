@@ -6,12 +6,13 @@ import csv
 
 import pytest
 
-from model_store import WEIGHTS, Lineage, ManifestDraft
+from model_store import WEIGHTS, Lineage, ManifestDraft, ModelStore
 from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
 from service.learning.suggest import suggest_runs
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.wire.suggested_runs import SuggestedRunsAnswer
+from tests.api.conftest import serving
 from tests.learning.synthetic import synthetic_runs
 from tests.twin.published import zero_model
 
@@ -34,12 +35,15 @@ def publish(store, domain, **checkpoint):
     return store.publish("known", {WEIGHTS: weights_bytes(model)}, draft)
 
 
-@pytest.fixture
-def knowing(serve, store):
+@pytest.fixture(scope="module")
+def knowing(tmp_path_factory):
     """A service whose model `known` lists its runs: version 1 with left-out errors, version 2 without."""
+    folder = tmp_path_factory.mktemp("store")
+    store = ModelStore.open(str(folder), create=True)
     publish(store, domain_of({run.name: 0.001 * (1 + run.slope_deg) for run in synthetic_runs()}).describe())
     publish(store, domain_of({}).describe())
-    return serve()
+    with serving(folder) as running:
+        yield running
 
 
 def test_rows_are_those_of_the_batch_with_reasons(knowing):

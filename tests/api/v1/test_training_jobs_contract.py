@@ -23,5 +23,5 @@ def address(tmp_path_factory):
 
 @schema.parametrize()
 @settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
-def test_training_jobs_keep_their_contract(case, address):
-    case.call_and_validate(base_url=address, headers=HEADERS, checks=CHECKS)
+def test_training_jobs_keep_their_contract(case, address, session):
+    case.call_and_validate(base_url=address, session=session, headers=HEADERS, checks=CHECKS)

@@ -114,10 +114,10 @@ def test_a_file_full_of_faults_reports_a_bounded_number():
 def test_decompression_bomb_stops_at_the_bound():
     bomb = gzip.compress(b"0,1\n" * 20_000_000, 9)
     assert len(bomb) < 1_000_000
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(UnusableFileError, match="more than 1000000 bytes"):
         read_text(io.BytesIO(bomb), max_bytes=1_000_000)
-    assert time.perf_counter() - start < 0.5
+    assert time.process_time() - start < 0.5
 
 
 def test_plain_file_over_the_bound_is_refused_without_reading_it_all():
