@@ -66,11 +66,18 @@ def processes() -> None:
     """For fixtures that start processes: who asks for one of them gets the marker of this name."""
 
 
+@pytest.fixture(scope="session")
+def slow() -> None:
+    """The same for fixtures that take seconds."""
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Add the markers that follow from fixtures and from other markers."""
     for item in items:
-        starts = "processes" in getattr(item, "fixturenames", ()) or item.nodeid.startswith(_START_PROCESSES)
+        for name in {"processes", "slow"}.intersection(getattr(item, "fixturenames", ())):
+            item.add_marker(name)
+        starts = item.nodeid.startswith(_START_PROCESSES)
         if starts or any(item.get_closest_marker(name) for name in ("kills", "e2e", "image")):
             item.add_marker("processes")
 

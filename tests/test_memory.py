@@ -8,12 +8,12 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.processes
+
 _PROGRAM = """
 import threading
 import numpy as np
 from service.memory import give_back, limit_arenas
-
-pytestmark = pytest.mark.processes
 
 def resident_kib():
     return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmRSS"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 import schemathesis
 from hypothesis import HealthCheck, settings
 from schemathesis.checks import not_a_server_error
@@ -15,6 +16,8 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from service.app import openapi_document
+
+pytestmark = pytest.mark.slow
 
 CHECKS = [
     not_a_server_error,

@@ -61,6 +61,7 @@ def test_what_would_wait_too_long_is_turned_away(serve, store, publish, move, qu
     assert service.predict().status_code == 200
 
 
+@pytest.mark.slow
 def test_a_moved_alias_is_followed_within_two_seconds_and_no_request_fails(
     serve, store, publish, move, question, clock
 ):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import functools
 import gzip
 import io
 import json
@@ -19,6 +20,7 @@ from pathlib import Path
 import httpx
 import numpy as np
 import pytest
+from typer.main import get_command
 
 from service.cli.main import main
 
@@ -56,6 +58,14 @@ class Answer:
         assert lines[-1].startswith("error: ")
         assert not any(line.startswith("Traceback") for line in lines)
         return lines[-1].removeprefix("error: ")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def commands_made_once():
+    """Typer puts all commands together anew whenever the program runs, which it does hundreds of times here."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("service.cli.main.get_command", functools.cache(get_command))
+        yield
 
 
 def call(*words):

@@ -163,6 +163,7 @@ def test_an_exported_folder_imports_as_the_same_dataset(small_store, tmp_path):
 _NAMES = st.sampled_from(["a", "b c", "x.txt", "x.dat", "x.csv", "x.gz", "s20,5", 'q"q', "ä", "deep/er", "#1"])
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(
     names=st.lists(_NAMES, min_size=1, max_size=3, unique=True),

@@ -51,7 +51,7 @@ def test_another_world_is_warned_about(store, tmp_path):
 def test_the_text_says_which_runs_are_which(small_store):
     text = call("evaluate", "rover", "--dataset", "small", "--store", small_store).out
     assert "runs it was trained on (3)" in text
-    assert "test runs, never seen in training (1)" in text
+    assert "test runs, kept apart from its training (1)" in text
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,8 @@ from service.cli.failures import ExitCode
 from tests.cli.conftest import call
 from tests.training.test_reproduce import SETS, paper_store
 
+pytestmark = pytest.mark.slow
+
 EARLIER = "# The paper's experiment, repeated\n\nlong ago\n"
 FIGURES = ("figure_2_positions", "figure_3_distance", "error_against_time", "figure_4_double_mass")
 

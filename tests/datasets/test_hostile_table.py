@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.datasets.hostile_files import HOSTILE_FILES
 from tests.datasets.hostile_table import BAD_REQUESTS, HEAD, rows
 
 
+@pytest.mark.processes
 def test_each_bad_upload_gets_the_answer_that_is_due():
     made = list(rows(HOSTILE_FILES[::50], BAD_REQUESTS))
     assert [row.name for row in made if row.wrong] == []

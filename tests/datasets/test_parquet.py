@@ -44,6 +44,7 @@ def datasets(draw):
     return Dataset(draw(st.text(min_size=1, max_size=8)), PASSPORT, tuple(runs))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(datasets())
 def test_round_trip_keeps_everything_to_the_stored_digits(dataset):

@@ -171,6 +171,7 @@ def test_a_database_that_cannot_be_reached_is_said_soon_and_without_the_password
     assert clock() - started < 8
 
 
+@pytest.mark.slow
 def test_one_who_keeps_the_file_locked_holds_nobody_up_for_long(tmp_path, clock):
     jobs = JobQueue.open(f"sqlite:///{tmp_path / 'jobs.sqlite'}", 8)
     first = jobs.submit(REQUEST, actor="t")[0].id

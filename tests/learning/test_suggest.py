@@ -75,6 +75,7 @@ def test_a_batch_keeps_the_laws(seed, count, asked, error_m):
     assert apart.min() >= SMALLEST_DISTANCE - 1e-6
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.integers(1, 40), st.integers(1, 10), st.integers(0, 10))
 @settings(max_examples=10)
 def test_more_suggestions_keep_the_first_and_nothing_is_drawn(seed, count, asked, more):
@@ -83,6 +84,7 @@ def test_more_suggestions_keep_the_first_and_nothing_is_drawn(seed, count, asked
     assert suggest_runs(known, SPANS, asked + more)[:asked] == suggest_runs(known, SPANS, asked)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.sampled_from([None, 0.05]))
 @settings(max_examples=8)
 def test_what_was_simulated_is_not_suggested_again(seed, error_m):
@@ -103,6 +105,7 @@ def test_without_errors_the_largest_gap_comes_first():
     assert all(each.expected_error_m is None for each in suggested)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.floats(0.0, 32.0))
 @settings(max_examples=10)
 def test_runs_follow_the_errors_but_do_not_pile_up_there(seed, slope_deg):

@@ -103,6 +103,7 @@ class Histories(RuleBasedStateMachine):
             assert self.store.resolve(f"{name}@{alias}").version == self.trails[name, alias][-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["memory", "directory"])
 def test_any_history_agrees_with_the_model(backend):
     class OnADirectory(Histories):

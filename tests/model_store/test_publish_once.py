@@ -121,6 +121,7 @@ class Publisher(threading.Thread):
 ORDERS = st.sampled_from(["step"] * 12 + ["kill before", "kill after"])
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None, derandomize=True, database=None)
 @given(
     keys=st.lists(st.sampled_from(KEYS), min_size=2, max_size=5),

@@ -31,6 +31,7 @@ def runge_kutta(model: MotorSlope, one: Scenarios, until_s: float, steps: int) -
     return float(x[0])
 
 
+@pytest.mark.slow
 @given(scenario, coefficients, st.floats(0.1, 5))
 def test_solves_its_own_equation(one, resistance, until_s):
     model = prior(resistance)

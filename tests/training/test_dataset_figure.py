@@ -22,6 +22,7 @@ def dataset(count):
     return Dataset("d", parse_passport(json.dumps(PASSPORT).encode()), tuple(runs))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "magic"), [("svg", b"<?xml"), ("png", b"\x89PNG")])
 def test_it_is_an_image_and_the_same_each_time(kind, magic):
     drawn = preview(dataset(3), kind=kind)

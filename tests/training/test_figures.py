@@ -38,7 +38,7 @@ def drawn(reproduction, kind):
 
 
 @pytest.fixture(scope="module")
-def twice(reproduction):
+def twice(reproduction, slow):
     """Every file of one kind, made two times."""
     return {kind: (drawn(reproduction, kind), drawn(reproduction, kind)) for kind in RENDERERS}
 

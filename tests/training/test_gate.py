@@ -59,6 +59,7 @@ def judge(candidate, against, margin=0.05):
 PAIRS = st.lists(st.tuples(ERRORS_M, ERRORS_M), min_size=LEAST_COMMON_RUNS, max_size=30)
 
 
+@pytest.mark.slow
 @LAWS
 @given(pairs=PAIRS, margin=MARGINS)
 def test_of_two_versions_at_most_one_is_better(pairs, margin):
@@ -89,6 +90,7 @@ def test_errors_a_factor_smaller_pass_exactly_when_the_margin_says_so(errors, fa
     assert scaled.promote == (factor < 1 - margin)
 
 
+@pytest.mark.slow
 @LAWS
 @given(pairs=PAIRS, margin=MARGINS, which=st.integers(0, 29), by=st.floats(0.0, 1.0), less=st.floats(0.0, 0.5))
 def test_a_smaller_error_or_a_smaller_margin_never_loses_the_promotion(pairs, margin, which, by, less):
@@ -99,6 +101,7 @@ def test_a_smaller_error_or_a_smaller_margin_never_loses_the_promotion(pairs, ma
     assert after.promote or not before.promote
 
 
+@pytest.mark.slow
 @LAWS
 @given(pairs=PAIRS, order=st.randoms(use_true_random=False), extra=st.lists(ERRORS_M, max_size=5))
 def test_neither_order_nor_runs_that_only_one_side_left_out_matter(pairs, order, extra):

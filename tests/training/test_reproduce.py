@@ -49,7 +49,7 @@ def stored(set_name: str, slope_deg: float, mass_kg: float, torque_nm: float) ->
 
 
 @pytest.fixture(scope="module")
-def reproduction(tmp_path_factory):
+def reproduction(tmp_path_factory, slow):
     store = paper_store(tmp_path_factory.mktemp("reproduce") / "store")
     return reproduce(store, Effort(seeds=2, fit=BRIEF))
 

@@ -159,6 +159,7 @@ def test_a_damaged_alias_record_is_told(serve, store, publish, move):
     assert "00000001.json" in listed["unreadable"]
 
 
+@pytest.mark.slow
 def test_an_answer_that_is_not_finite_is_never_sent(serve, store, publish, move):
     move(store, publish(store))
     publish(store, architecture="paper_network", scale=1e30)

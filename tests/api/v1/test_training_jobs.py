@@ -297,6 +297,7 @@ def test_a_full_queue_says_when_to_come_back(tmp_path):
         assert admin.post(ADDRESS, json=ASKED).status_code == 202
 
 
+@pytest.mark.slow
 def test_a_database_that_is_down_is_a_503_and_predictions_go_on(tmp_path, question):
     with socket.create_server(("127.0.0.1", 0)) as silent:  # takes connections and says nothing
         port = silent.getsockname()[1]

@@ -10,6 +10,8 @@ from service.app import openapi_document
 from tests.api.test_schemathesis import CHECKS
 from tests.api.training import ADDRESS, HEADERS, admin_serving, job_store, submit
 
+pytestmark = pytest.mark.slow
+
 schema = schemathesis.openapi.from_dict(openapi_document()).include(path_regex=f"^{ADDRESS}")
 
 

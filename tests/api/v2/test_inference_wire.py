@@ -276,6 +276,7 @@ def test_an_addresses_trailing_slash_is_that_of_the_specification(banded):
     assert banded.get("/v2/").json() == banded.get("/v2").json()
 
 
+@pytest.mark.slow
 @given(
     st.binary(max_size=300) | st.sampled_from([in_binary()[1], json.dumps(request()).encode()]),
     st.none() | st.integers(-3, 400).map(str) | st.just(str(len(in_binary()[0]))),

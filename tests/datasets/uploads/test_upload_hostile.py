@@ -12,13 +12,18 @@ from service.datasets.uploads.upload import read_upload
 from service.datasets.uploads.upload_form import UploadForm
 from tests.datasets.hostile_files import HOSTILE_FILES
 
+SLOW = ("tar.gz: 11,001 members",)
+
 
 def test_names_are_distinct_and_there_are_enough():
     assert len({each.name for each in HOSTILE_FILES}) == len(HOSTILE_FILES) >= 40
     assert len({each.code for each in HOSTILE_FILES}) >= 30
 
 
-@pytest.mark.parametrize("hostile", HOSTILE_FILES, ids=lambda hostile: hostile.name)
+@pytest.mark.parametrize(
+    "hostile",
+    [pytest.param(each, id=each.name, marks=[pytest.mark.slow] if each.name in SLOW else []) for each in HOSTILE_FILES],
+)
 def test_it_is_rejected_with_its_reason(hostile, tmp_path):
     path, workspace = tmp_path / "stored", tmp_path / "workspace"
     path.write_bytes(hostile.build())

@@ -56,6 +56,7 @@ def fit(residual: Residual, train: Rows, validation: Rows, config: FitConfig) ->
     return fit.finish()
 
 
+@pytest.mark.slow
 def test_learns_what_the_prior_leaves():
     train, validation = rows()
     residual = network()
