@@ -20,6 +20,7 @@ import structlog
 from service import child
 
 HERE = "tests.test_child"
+pytestmark = pytest.mark.kills
 
 
 # ---- what the children of these tests run

@@ -37,4 +37,7 @@ schema = schemathesis.openapi.from_dict(openapi_document()).exclude(path_regex="
 @schema.parametrize()
 @settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 def test_the_service_keeps_its_contract(case, service, session):
-    case.call_and_validate(base_url=service.url, session=session, checks=CHECKS)
+    # a batch answers 200 where only some of its scenarios are wrong, and lists these in `errors`
+    batch = case.path.endswith("/batch")
+    checks = [each for each in CHECKS if not batch or each is not negative_data_rejection]
+    case.call_and_validate(base_url=service.url, session=session, checks=checks)

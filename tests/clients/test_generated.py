@@ -27,6 +27,7 @@ def sources(script: ModuleType) -> Iterator[str]:
     return (path.read_text(encoding="utf-8") for path in (script.PACKAGE / "_async").glob("*.py"))
 
 
+@pytest.mark.processes
 def test_the_committed_files_are_those_that_are_generated(script: ModuleType) -> None:
     committed = {path: path.read_bytes() for path in (script.PACKAGE / "_sync").glob("*.py")}
 

@@ -83,6 +83,7 @@ def test_a_library_whose_types_have_other_sizes_is_refused(name: str, monkeypatc
         library.__wrapped__()
 
 
+@pytest.mark.processes
 @pytest.mark.parametrize(
     ("before", "after", "refusal"),
     [
