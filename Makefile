@@ -4,19 +4,23 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 ARGS ?=
+BESIDE := -n auto --maxprocesses 8 --dist worksteal # tests beside each other, one worker for each processor
 # The first interpreter that is new enough. Override with `make PYTHON=/path/to/python3.12 run`.
 PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' && echo $$p && break; done)
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 CHRONO ?= ../shared/chrono
 
-.PHONY: run test lint types sanitize bench e2e image openapi clients datasets model clean
+.PHONY: run test quick lint types sanitize bench e2e image openapi clients datasets model clean
 
 run: $(VENV)/.runtime ## the service with the shipped model on http://127.0.0.1:8000
 	@exec $(BIN)/rover-twin serve $(ARGS)
 
 test: $(VENV)/.dev ## all tests but the two that take minutes (e2e, image)
-	@$(BIN)/pytest $(ARGS)
+	@$(BIN)/pytest $(BESIDE) $(ARGS)
+
+quick: $(VENV)/.dev ## the inner loop: no tests that start processes, nor slow ones
+	@$(BIN)/pytest $(BESIDE) -m "not processes and not slow and not e2e and not image" $(ARGS)
 
 lint: $(VENV)/.dev ## style, and the direction of imports
 	@$(BIN)/ruff check .
