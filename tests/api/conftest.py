@@ -42,6 +42,7 @@ DOMAIN = {
 }
 TOKEN = "a token of tests, long enough"
 ADMIN = {"Authorization": f"Bearer {TOKEN}"}
+PLAIN = {"trust_env": False, "verify": False}  # no proxies, and no certificates to load: it is HTTP
 QUESTION = {"slope_deg": 28, "mass_kg": 430, "torque_nm": 60}
 
 
@@ -121,7 +122,7 @@ def serving(folder: Path, **settings: object) -> Iterator[Running]:
             while not server.started and time.monotonic() < deadline:
                 time.sleep(0.01)
             assert server.started
-            with httpx.Client(base_url=url, timeout=30, trust_env=False) as client:
+            with httpx.Client(base_url=url, timeout=30, **PLAIN) as client:
                 yield Running(url, store, folder, client, lifecycle)
         finally:
             server.should_exit = True
@@ -194,7 +195,7 @@ def process_serving(store: ModelStore, **settings: object) -> Iterator[tuple[htt
     environment = os.environ | {f"ROVER_TWIN_{name.upper()}": str(value) for name, value in chosen.items()}
     with (
         subprocess.Popen([sys.executable, "-c", RUN], env=environment, stderr=subprocess.PIPE, text=True) as process,
-        httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=60, trust_env=False) as client,
+        httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=60, **PLAIN) as client,
     ):
         try:
             wait_until(lambda: client.get("/health/ready").status_code == 200, process)

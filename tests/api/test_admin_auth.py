@@ -7,7 +7,7 @@ from dataclasses import replace
 import httpx
 import pytest
 
-from tests.api.conftest import ADMIN
+from tests.api.conftest import ADMIN, PLAIN
 from tests.api.http.test_body_limit import exchange
 
 ROUTES = [
@@ -47,7 +47,7 @@ WRONG = {
 @pytest.fixture
 def admin(service_with_token):
     """The service of this module; each test has a client of its own, which sends the token until it is told not to."""
-    with httpx.Client(base_url=service_with_token.url, headers=ADMIN, timeout=30, trust_env=False) as client:
+    with httpx.Client(base_url=service_with_token.url, headers=ADMIN, timeout=30, **PLAIN) as client:
         yield replace(service_with_token, client=client)
 
 

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import pytest
-import schemathesis
 from hypothesis import HealthCheck, settings
 
-from service.app import openapi_document
 from tests.api.chrono_uploads import archive
 from tests.api.conftest import ADMIN, move_alias, publish_version
-from tests.api.test_schemathesis import CHECKS
+from tests.api.test_schemathesis import CHECKS, SCHEMA
 
 pytestmark = pytest.mark.processes
 
 WRITTEN = r"^/v1/(admin/datasets|models/\{name\}/aliases/\{alias\}(/rollback)?$)"
-schema = schemathesis.openapi.from_dict(openapi_document()).include(path_regex=WRITTEN)
+schema = SCHEMA.include(path_regex=WRITTEN)
 
 
 @pytest.fixture(scope="module")

@@ -43,6 +43,7 @@ def test_the_event_loop_answers_while_every_worker_is_busy(store, publish, move,
     assert alive > 5 * len(running)
 
 
+@pytest.mark.slow
 def test_what_would_wait_too_long_is_turned_away(serve, store, publish, move, question):
     move(store, publish(store, architecture="paper_network"))
     service = serve(threads=1, max_waiting=1)

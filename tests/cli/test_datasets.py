@@ -96,6 +96,7 @@ def test_errors(store, tmp_path, words, code, says):
     assert answer.out == ""
 
 
+@pytest.mark.slow
 def test_a_figure_is_drawn_as_its_ending_says(store, tmp_path):
     for ending, magic in (("svg", b"<?xml"), ("png", b"\x89PNG")):
         assert call("datasets", "preview", "small", tmp_path / f"small.{ending}", "--store", store).code == 0

@@ -18,6 +18,7 @@ from model_store import AliasRecord, ModelStore
 from service.errors import JobsUnavailableError
 from service.jobs.job import TrainingJob
 from service.jobs.queue import JobQueue
+from tests.api.conftest import PLAIN
 from tests.databases import Postgres
 from tests.jobs.nursery import Nursery, WorkerProcess, until
 from tests.training.stored import put_dataset, stored_runs
@@ -108,7 +109,7 @@ class World:
     def client(self) -> Iterator[httpx.Client]:
         """A client of the API, with the token."""
         base = f"http://127.0.0.1:{self._port}"
-        with httpx.Client(base_url=base, headers=HEADERS, timeout=60, trust_env=False) as client:
+        with httpx.Client(base_url=base, headers=HEADERS, timeout=60, **PLAIN) as client:
             yield client
 
     def kill(self, victim: str) -> None:

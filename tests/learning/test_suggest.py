@@ -46,6 +46,7 @@ def with_simulated(known: Neighbourhood, suggested: tuple[SuggestedRun, ...]) ->
     return replace(known, runs=known.runs + runs)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.integers(1, 60), st.integers(1, 24), st.sampled_from([None, 0.0, 0.02]))
 @settings(max_examples=12)
 def test_a_batch_keeps_the_laws(seed, count, asked, error_m):

@@ -38,6 +38,7 @@ def test_it_shows_the_ends_of_the_runs_and_their_scenarios():
     np.testing.assert_allclose(scenarios.get_offsets(), [[400, 60], [401, 60.1], [402, 60.2]])
 
 
+@pytest.mark.slow
 def test_one_run_and_very_many_are_drawn():
     assert len(preview_figure(dataset(1)).axes[0].collections[0].get_paths()) == 1
     assert len(preview_figure(dataset(MOST_RUNS + 50)).axes[0].collections[0].get_paths()) == MOST_RUNS

@@ -102,6 +102,7 @@ def report():
     return left_out_report(*left_out(), VIPER, LUNAR_REGOLITH)
 
 
+@pytest.mark.slow
 def test_the_left_out_report_is_small_files_that_are_the_same_each_time(report):
     one, other = report, left_out_report(*left_out(), VIPER, LUNAR_REGOLITH)
     assert one == other
@@ -130,6 +131,7 @@ def test_the_left_out_table_tells_sets_and_climbing_runs_apart(report):
     assert found["space", "stalling or sliding"][1] == "6.00 cm"
 
 
+@pytest.mark.slow
 def test_a_section_tells_how_well_slopes_are_predicted_from_the_others():
     evaluations, curves = left_out()
     series = [replace(run, set_name="a|b") for run in evaluations[4::-1]]
@@ -144,6 +146,7 @@ def test_a_section_tells_how_well_slopes_are_predicted_from_the_others():
     assert [row[3:] for row in rows if row[:3] == [r"a\|b", "860", "60"]] == of_one
 
 
+@pytest.mark.slow
 def test_without_series_there_is_no_such_section(report):
     evaluations, curves = left_out()
     assert b"One slope left out" not in report["report/left_out.md"]
@@ -170,6 +173,7 @@ def test_no_runs_no_report():
         left_out_report([], [], VIPER, LUNAR_REGOLITH)
 
 
+@pytest.mark.slow
 def test_a_name_cannot_break_the_table():
     evaluations, curves = left_out()
     odd = [replace(evaluations[0], set_name="a|b"), *evaluations[1:]]

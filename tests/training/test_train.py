@@ -91,6 +91,7 @@ def test_reports_are_json_with_every_run(store):
         assert [each["run"] for each in report["by_run"]] == manifest.lineage.split[part]
 
 
+@pytest.mark.slow
 def test_slopes_left_out_of_their_series_are_in_the_manifest_and_the_report(store):
     everything = {"architecture": "resistance_process", "test_slopes_deg": [], "test_fraction": 0.0}
     manifest = published(store, CONFIG.model_copy(update=everything))

@@ -49,6 +49,7 @@ def ask(service, form, question):
     return answer.content
 
 
+@pytest.mark.slow
 @given(question=questions)
 @settings(max_examples=40)
 def test_every_form_holds_the_very_numbers_of_json(banded, question):
@@ -120,6 +121,7 @@ def test_both_frames_put_the_rover_at_the_same_place_pitched_like_the_slope(serv
             assert list(placed.TransformDir(Gf.Vec3d(1, 0, 0))) == pytest.approx(list(ahead), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_plot_is_a_picture_of_bounded_size_whatever_is_asked(banded):
     everything = QUESTION | {"include": ["prior", "band"], "horizon_s": 100}
     few, many = (ask(banded, "svg", everything | {"dt_s": dt}) for dt in (0.1, 0.002))

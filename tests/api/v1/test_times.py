@@ -92,6 +92,7 @@ def test_text_that_is_no_rising_times_is_told(service, text):
     assert (fault["field"], fault["allowed"]) == ("times_s", RISING)
 
 
+@pytest.mark.slow
 def test_a_body_of_many_faults_is_answered_at_once(serve, store, publish, move):
     move(store, publish(store))
     service = serve(max_body_bytes=4 << 20)

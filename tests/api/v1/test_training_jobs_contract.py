@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import pytest
-import schemathesis
 from hypothesis import HealthCheck, settings
 
-from service.app import openapi_document
-from tests.api.test_schemathesis import CHECKS
+from tests.api.test_schemathesis import CHECKS, SCHEMA
 from tests.api.training import ADDRESS, HEADERS, admin_serving, job_store, submit
 
 pytestmark = pytest.mark.slow
 
-schema = schemathesis.openapi.from_dict(openapi_document()).include(path_regex=f"^{ADDRESS}")
+schema = SCHEMA.include(path_regex=f"^{ADDRESS}")
 
 
 @pytest.fixture(scope="module")

@@ -68,6 +68,7 @@ def test_learns_what_the_prior_leaves():
     assert outcome.validation_loss_m2 == pytest.approx(trained, rel=0.5)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_weights_and_another_seed_others():
     train, validation = rows()
     one, two, other = network(), network(), network()
