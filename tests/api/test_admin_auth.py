@@ -128,6 +128,7 @@ def test_a_body_that_is_nonsense_changes_nothing_of_that(admin):
     assert answer.status_code == 401
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", ["/v1/models", "/health/live", "/docs", "/openapi.json"])
 def test_the_public_side_needs_no_token(admin, path):
     del admin.client.headers["Authorization"]
@@ -160,6 +161,7 @@ def test_an_actor_that_no_record_could_show_is_refused(admin, publish, said):
     assert admin.store.aliases("viper-lunar") == {}
 
 
+@pytest.mark.slow
 def test_the_contract_says_where_the_token_is_needed():
     from service.app import openapi_document
 

@@ -119,6 +119,7 @@ def test_the_same_key_is_the_same_job(store):
     assert len(jobs(store)) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("more", "code", "says"),
     [

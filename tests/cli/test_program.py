@@ -112,6 +112,7 @@ def test_the_store_can_come_from_the_environment(small_store, monkeypatch):
     assert call("models", "list", "--json").json["models"][0]["name"] == "rover"
 
 
+@pytest.mark.slow
 def test_openapi_prints_the_document():
     document = call("openapi").json
     assert document["openapi"].startswith("3.")

@@ -202,6 +202,7 @@ json_values = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(data=st.data(), junk=json_values)
 def test_any_member_replaced_by_anything_is_an_answer_or_a_named_error(data: st.DataObject, junk: Any) -> None:
     trajectory = {"time_s": [0.0, 1.0], "x_m": [0.0, 1.0], "y_m": [0.0, 1.0]}

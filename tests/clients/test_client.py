@@ -106,6 +106,7 @@ FAILING = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("behaviour", "kind", "questions"), FAILING, ids=[name for name, *_ in FAILING])
 def test_each_misbehaviour_has_its_error_and_its_number_of_tries(
     ask: Ask, contract_service: Any, fresh_hits: Counter[str], behaviour: str, kind: type, questions: int

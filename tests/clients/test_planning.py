@@ -56,6 +56,7 @@ FAILING = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("word", QUESTIONS)
 @pytest.mark.parametrize(("behaviour", "settings", "kind", "questions"), FAILING)
 def test_failures_have_the_errors_and_tries_of_a_prediction(

@@ -10,6 +10,8 @@ import json
 import os
 from pathlib import Path
 
+import pytest
+
 from service.api.http.problems import PROBLEMS
 from service.app import openapi_document
 from service.wire.prediction import PredictionInputs
@@ -18,6 +20,7 @@ published = functools.cache(openapi_document)  # half a second each time
 SNAPSHOT = Path(__file__).with_name("openapi.json")
 
 
+@pytest.mark.slow
 def test_the_document_is_the_one_in_the_tree():
     document = published()
     if os.environ.get("ROVER_TWIN_REFRESH_OPENAPI"):
@@ -26,6 +29,7 @@ def test_the_document_is_the_one_in_the_tree():
     assert document == json.loads(SNAPSHOT.read_text()), "the API changed: run `make openapi` and note it in CHANGELOG"
 
 
+@pytest.mark.slow
 def test_every_number_has_its_range_unit_and_example():
     operation = published()["paths"]["/v1/predictions"]["get"]
     parameters = {each["name"]: each for each in operation["parameters"]}
@@ -39,6 +43,7 @@ def test_every_number_has_its_range_unit_and_example():
     assert all(parameter["description"] for parameter in parameters.values())
 
 
+@pytest.mark.slow
 def test_every_route_declares_its_problems_and_every_problem_is_declared_somewhere():
     declared = set()
     for path, operations in published()["paths"].items():
@@ -58,6 +63,7 @@ def test_every_route_declares_its_problems_and_every_problem_is_declared_somewhe
     assert declared == set(PROBLEMS) - {"not-found", "method-not-allowed"}
 
 
+@pytest.mark.slow
 def test_the_document_can_be_read_without_a_store():
     references = set(_references(published()))
 

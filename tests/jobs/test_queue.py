@@ -99,6 +99,7 @@ def test_a_known_key_is_answered_even_when_the_queue_is_full(jobs):
     assert jobs.submit(REQUEST, actor="tester", key="first") == (first, False)
 
 
+@pytest.mark.slow
 def test_pages_put_together_are_the_list(jobs):
     models = random.Random(1).choices(["one", "two"], k=8)
     ids = [jobs.submit(another(number, model=model), actor="t")[0].id for number, model in enumerate(models)]

@@ -53,6 +53,7 @@ def damage(store, done):
     store.put_work(JOB, done["file"], b"something else")
 
 
+@pytest.mark.slow
 def test_a_chunk_that_runs_again_leaves_the_same_bytes_wherever_it_runs(attempt):
     first = attempt()
     one = first._fit_chunk(START)

@@ -141,6 +141,7 @@ def test_runs_that_do_not_fit_are_refused(change):
         Domain.restore(DOMAIN.describe() | change, VIPER, LUNAR_REGOLITH)
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.floats(-45, 45), st.floats(50, 2000), st.floats(0, 300), st.floats(0, 9)), max_size=30))
 def test_many_verdicts_are_those_of_each(asked):
     for domain in (

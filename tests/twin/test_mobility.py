@@ -83,6 +83,7 @@ def test_every_cell_is_the_prediction_of_its_scenario(twin, mass_kg, horizon_s, 
             assert found.inside_domain[row, column] == prediction.domain.inside
 
 
+@pytest.mark.slow
 @given(st.floats(300, 900), st.integers(2, 30), st.floats(0.75, 0.995), st.booleans())
 @settings(max_examples=20)
 def test_the_steepest_slope_is_where_the_sure_climb_ends(twin, sure_twin, mass_kg, steps, confidence, with_band):

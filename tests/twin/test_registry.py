@@ -125,6 +125,7 @@ def test_resident_twins_are_bounded_and_the_default_stays(store):
         assert registry.get().twin is default
 
 
+@pytest.mark.slow
 def test_what_is_dropped_is_freed(store):
     publish_champion(store)
     for seed in range(3):

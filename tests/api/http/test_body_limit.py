@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import socket
 
+import pytest
+
 LIMIT = 64 * 1024
 
 
@@ -32,6 +34,7 @@ def head(*lines: str, method: str = "POST") -> bytes:
     return (f"{method} /v1/predictions HTTP/1.1\r\n" + "\r\n".join(fields) + "\r\n\r\n").encode()
 
 
+@pytest.mark.slow
 def test_an_announced_length_is_refused_before_the_body_is_sent(service):
     for length in (LIMIT + 1, 10**12, 10**17):
         answer = exchange(service, head(f"Content-Length: {length}"))

@@ -140,6 +140,7 @@ def test_a_post_is_nobodys_to_keep(service):
     assert not {"etag", "cache-control"} & set(answer.headers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [*TEXT_FORMS, *OTHER_FORMS])
 @pytest.mark.parametrize("coding", ["gzip", "zstd"])
 def test_text_is_compressed_for_who_asks_and_nothing_else_is(service, form, coding):

@@ -104,6 +104,7 @@ def with_state(app, state):
     return wrapped
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_both_ways_answer_the_same(asked, case):
     method, path, content = CASES[case]

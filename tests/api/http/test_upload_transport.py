@@ -67,6 +67,7 @@ def wait_for(condition, timeout_s=30.0):
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [LIMIT + 1, 10**12, 10**17])
 def test_an_announced_length_over_the_limit_is_refused_at_once(small, folder, length):
     answer = exchange(small, head(f"Content-Length: {length}"))  # gives up long before a body would be missed

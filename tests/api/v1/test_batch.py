@@ -127,6 +127,7 @@ def assert_as_alone(found: dict[str, object], single: dict[str, object]) -> None
         assert found[name] == (None if expected is None else pytest.approx(expected, rel=1e-6, abs=1e-6)), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", FORMS)
 @given(sent=st.lists(scenarios, min_size=1, max_size=20), shared=shared_parts)
 @settings(max_examples=8, deadline=None)

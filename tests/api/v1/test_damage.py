@@ -65,6 +65,7 @@ def eventually(look, within_s=30.0):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DAMAGES)
 def test_a_damaged_version_is_a_problem_of_its_own(serve, store, publish, move, name):
     damage, slug, word = DAMAGES[name]

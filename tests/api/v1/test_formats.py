@@ -78,6 +78,7 @@ def test_what_is_no_column_is_beside_the_columns_as_in_json(banded, form, view):
     assert about["units"] == {name: "s" if name == "time_s" else "m" for name in columns}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", MEDIA_TYPES)
 def test_the_same_question_gives_the_same_bytes(banded, form):
     assert ask(banded, form, QUESTION) == ask(banded, form, QUESTION)

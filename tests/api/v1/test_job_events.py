@@ -132,6 +132,7 @@ def test_a_quiet_stream_has_a_heartbeat(admin):
     admin.post(job["links"]["cancel"])
 
 
+@pytest.mark.slow
 def test_listeners_are_bounded_and_a_place_is_free_again_afterwards(tmp_path, monkeypatch, question):
     monkeypatch.setattr("service.api.services.MOST_LISTENERS", 3)
     with admin_client(job_store(tmp_path)) as admin:
@@ -183,6 +184,7 @@ def test_an_open_stream_does_not_hold_up_the_end_of_the_service(tmp_path):
     assert states(ended[0]) == [(0, "queued")]  # the end of the stream was proper: nothing was raised
 
 
+@pytest.mark.slow
 def test_a_database_that_fails_ends_the_stream_and_not_the_service(tmp_path, monkeypatch):
     from service.errors import JobsUnavailableError
     from service.jobs.queue import JobQueue

@@ -142,6 +142,7 @@ def test_too_many_points_are_refused_with_the_finest_step_that_is_not(service):
     assert 99_000 < len(accepted.text.splitlines()) - 1 <= 100_000
 
 
+@pytest.mark.slow
 @given(st.floats(1e-3, LIMITS.horizon_s[1]), st.sampled_from([2, 10, 1000, 100_000]))
 @settings(max_examples=300, deadline=None)
 def test_the_step_that_is_offered_is_always_accepted(horizon_s, max_points):

@@ -399,6 +399,7 @@ def test_the_repository_shows_what_is_in_memory(publish, move, serve, store):
         assert states()["other"] == "READY"
 
 
+@pytest.mark.slow
 def test_damage_of_one_version_is_told_of_that_version_only(publish, move, serve, store):
     move(store, publish(store))
     publish(store, coefficient=0.2)

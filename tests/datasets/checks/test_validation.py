@@ -69,6 +69,7 @@ WARNED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("change", "code", "row", "column"), [c[1:] for c in REJECTED], ids=[c[0] for c in REJECTED])
 def test_a_bad_run_is_rejected_with_its_place_and_the_good_one_stays(folder, make_motion, change, code, row, column):
     folder.add("good.csv", make_motion(0.8), slope=10).add("bad.csv", change(make_motion()))

@@ -79,6 +79,7 @@ def test_the_same_seed_gives_the_same_weights_and_another_seed_others():
     assert any(not torch.equal(weights(one)[name], weights(other)[name]) for name in weights(one))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunk", [1, 2, 5])
 @pytest.mark.parametrize("anew", [True, False], ids=["from saved bytes", "in the same fit"])
 def test_in_chunks_equals_undisturbed(chunk, anew):

@@ -25,6 +25,7 @@ def model(prior: str = "motor_slope", architecture: str = "paper_network", **arg
     return PhysicsInformedModel(make_prior(prior, 0.2), SIGNATURE, residual)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("prior", PRIOR_NAMES)
 @given(batch=scenarios, time_s=times)
 def test_zero_residual_equals_prior(prior, batch, time_s):
@@ -53,6 +54,7 @@ def test_a_batch_equals_a_loop(batch, time_s):
             np.testing.assert_allclose(found.y_m[row], alone.y_m[0], rtol=1e-9, atol=1e-5)
 
 
+@pytest.mark.slow
 @given(batch=scenarios, count=st.integers(1, 4000))
 def test_the_answer_at_a_time_does_not_depend_on_the_other_times(batch, count):
     # chunks of rows must not show in the answer

@@ -55,6 +55,7 @@ def assert_agree(one: Positions, other: Positions) -> None:
     np.testing.assert_allclose(one.y_m, other.y_m, **AGREES)
 
 
+@pytest.mark.slow
 @given(st.one_of(INSIDE, OUTSIDE), HORIZONS, st.integers(1, 400), st.integers(0, 2**32 - 1))
 @settings(max_examples=80, deadline=None)
 def test_any_scenario_at_any_rising_times(shipped: ResistanceProcess, scenario, horizon_s, count, seed):
@@ -63,6 +64,7 @@ def test_any_scenario_at_any_rising_times(shipped: ResistanceProcess, scenario, 
     assert_agree(shipped.positions(asked, times), reference.positions(shipped, asked, times))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("horizon_s", [1e-4, 10.0, 600.0])
 @pytest.mark.parametrize("count", [1, 2, 20_001, 100_000])
 def test_few_and_many_times(shipped: ResistanceProcess, horizon_s: float, count: int):
@@ -156,6 +158,7 @@ def test_vectors_of_any_width_give_the_same_bits(shipped: ResistanceProcess, bit
     np.testing.assert_array_equal(one.y_m, other.y_m)
 
 
+@pytest.mark.slow
 @given(st.floats(-math.radians(60), math.radians(60)), st.floats(-5, 1), st.floats(20, 5000))
 @settings(max_examples=60, deadline=None)
 def test_laws_are_the_plain_ones(angle: float, exponent: float, mass: float):

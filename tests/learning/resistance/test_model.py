@@ -54,6 +54,7 @@ def test_left_out_runs_are_left_out(fitted: FittedProcess, paper_runs: list[Obse
     assert np.abs(with_it.x_m - run.x_m).max() < np.abs(without.x_m - run.x_m).max()
 
 
+@pytest.mark.slow
 def test_a_slope_left_out_of_its_series_is_as_if_never_seen(fitted: FittedProcess, paper_runs: list[ObservedRun]):
     prior, heavy = fitted.model.prior, replace(paper_runs[8], name="heavy", scenario=Scenarios.of(28, 860, 120))
 
@@ -128,6 +129,7 @@ def test_a_climbing_rover_goes_on_past_the_trained_horizon(fitted: FittedProcess
     assert speeds.max() - speeds[-1] < 0.1 * speeds[-1] + 0.01
 
 
+@pytest.mark.slow
 def test_the_steps_are_fine_enough(fitted: FittedProcess, paper_runs: list[ObservedRun]):
     climbing = scenarios_of([run for run in paper_runs if run.x_m[-1] > 0.5])
     shipped, model = fitted.model.positions(climbing, TIMES), fitted.model
