@@ -4,6 +4,7 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 ARGS ?=
+export PYTHONDONTWRITEBYTECODE := # byte code is kept: without it each test process compiles everything anew
 BESIDE := -n auto --maxprocesses 8 --dist worksteal # tests beside each other, one worker for each processor
 # The first interpreter that is new enough. Override with `make PYTHON=/path/to/python3.12 run`.
 PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13; do \

@@ -24,6 +24,7 @@ with fair_clock() as clock:
 """
 
 
+@pytest.mark.slow
 def test_time_that_passes_is_counted():
     began = time.monotonic()
     with fair_clock() as clock:

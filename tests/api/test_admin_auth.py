@@ -97,6 +97,7 @@ def test_the_right_token_gets_in(admin, scheme):
     assert answer.status_code == 200
 
 
+@pytest.mark.slow
 def test_a_token_may_have_any_characters(serve):
     service = serve(admin_token="schl\u00fcssel mit umlauten", start_worker=False)
     bearer = "Bearer schl\u00fcssel mit umlauten".encode()

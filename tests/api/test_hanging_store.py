@@ -68,6 +68,7 @@ def _until_nobody_reads_the_store(url: str) -> None:
     raise AssertionError("the store still answers")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", FROM_MEMORY)
 def test_what_is_in_memory_is_answered(hanging, case):
     method, path, request = FROM_MEMORY[case]

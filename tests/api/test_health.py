@@ -6,6 +6,8 @@ import signal
 import time
 from concurrent.futures import ThreadPoolExecutor
 
+import pytest
+
 
 def test_ready_proves_itself_by_a_prediction(service):
     answer = service.get("/health/ready").json()
@@ -18,6 +20,7 @@ def test_ready_proves_itself_by_a_prediction(service):
     assert answer["failures"] == []
 
 
+@pytest.mark.slow
 def test_draining_turns_readiness_off_and_nothing_else(serve, store, publish, move):
     move(store, publish(store))
     service = serve()

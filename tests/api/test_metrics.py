@@ -98,6 +98,7 @@ def test_the_running_request_is_the_scrape_itself(service):
     assert scraped(service.client).of("server_processes") == 1
 
 
+@pytest.mark.slow
 def test_what_is_resident_and_what_fails_is_shown(serve, store, publish, move):
     move(store, publish(store))
     running = serve()
@@ -150,6 +151,7 @@ def test_any_number_of_versions_takes_a_bounded_number_of_series(versions):
     assert sum(name == "rover_twin_predictions_outside_domain_total" for name, _ in shown) == min(versions, 65)
 
 
+@pytest.mark.slow
 def test_the_page_names_every_metric_and_no_other(service_with_token):
     families = text_string_to_metric_families(service_with_token.get("/metrics").text)
     shown = {f"{each.name}{'_total' * (each.type == 'counter')}" for each in families if each.name.startswith("rover_")}

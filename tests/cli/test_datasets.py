@@ -19,6 +19,7 @@ from service.datasets import Dataset, Run, dataset_id, parse_passport, to_parque
 from tests.cli.conftest import PASSPORT, call, write_runs
 
 
+@pytest.mark.slow
 def test_list_and_show_agree(small_store):
     listed = call("datasets", "list", "--json", "--store", small_store).json["datasets"]
     assert [each["name"] for each in listed] == ["small"]

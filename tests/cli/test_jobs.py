@@ -53,6 +53,7 @@ def worked(small_store, tmp_path_factory, processes):
     assert worker.returncode == 0, err
 
 
+@pytest.mark.slow
 def test_what_was_started_is_listed_and_shown(store):
     first, second = queued(store), queued(store, "--model", "other", "--seed", "5", "--description", "why not")
     shown = call("jobs", "show", second, "--json", "--store", store).json
@@ -144,6 +145,7 @@ def test_what_cannot_work_is_refused_before_it_is_queued(store, more, code, says
     assert jobs(store) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["show", "watch", "cancel", "logs"])
 def test_a_job_that_is_not_there(small_store, tmp_path, command):
     answer = call("jobs", command, ABSENT, "--store", small_store, "--database", f"sqlite:///{tmp_path / 'jobs'}")

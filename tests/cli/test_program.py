@@ -21,6 +21,7 @@ def _commands(command=None, words=()):
         yield from _commands(below, (*words, name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", list(_commands()), ids=" ".join)
 def test_every_command_has_help_with_examples(words):
     answer = call(*words, "--help")

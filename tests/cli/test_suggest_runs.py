@@ -22,6 +22,7 @@ def test_the_answer_is_the_one_of_the_server(serving):
     assert document.json == httpx.get(address, params={"n": 3}, timeout=30).json()
 
 
+@pytest.mark.slow
 def test_output_goes_to_the_file(small_store, tmp_path):
     target = tmp_path / "runs.csv"
     answer = call("suggest-runs", "rover@1", "-n", "2", "--output", target, "--store", small_store)
@@ -30,6 +31,7 @@ def test_output_goes_to_the_file(small_store, tmp_path):
     assert target.read_text() == call(*WORDS, "-n", "2", "--store", small_store).out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "allowed"), [("0", "1 to 64"), ("65", "1 to 64"), ("64", "at most")])
 def test_counts_that_are_not_allowed(small_store, count, allowed):
     answer = call(*WORDS, "-n", count, "--store", small_store)

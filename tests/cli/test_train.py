@@ -49,6 +49,7 @@ def test_json_says_what_was_published_and_promoted(store):
     assert answer["train"]["model"]["final_m"]["median"] >= 0
 
 
+@pytest.mark.slow
 def test_the_seed_decides_the_weights(small_store):
     assert _digest(small_store, "--seed", "3") == _digest(small_store, "--seed", "3")
     assert _digest(small_store, "--seed", "3") != _digest(small_store, "--seed", "4")
@@ -86,6 +87,7 @@ _CONFIGS = st.builds(
 _COMMANDS = get_command(app)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(config=_CONFIGS)
 def test_the_command_line_of_a_config_has_the_options_of_that_config(config):
@@ -162,6 +164,7 @@ def test_a_state_of_another_training_is_refused(store, tmp_path):
     assert state.read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damage", "code"),
     [

@@ -14,6 +14,7 @@ from tests.cli.conftest import call
 AGAIN = ("--no-publish", "--threads", "1")
 
 
+@pytest.mark.slow
 def test_a_version_made_again_has_the_same_weights(small_store):
     original = ModelStore.open(small_store).manifest("rover", 1)
     for reference in ("rover", "rover@1", "rover@champion"):
@@ -48,6 +49,7 @@ def test_the_very_datasets_are_taken_whatever_their_names_mean_now(store):
     assert call("train", "--like", "rover@1", *AGAIN, "--json", "--store", store).json["like"]["same_weights"]
 
 
+@pytest.mark.slow
 def test_options_take_precedence_and_explain_other_weights(small_store):
     told = call("train", "--like", "rover@1", "--seed", "9", "--prior", "rigid_slope", *AGAIN, "--store", small_store)
     assert told.code == 0, told.err

@@ -52,6 +52,7 @@ def test_options_reach_the_service(ask: Ask, contract_service: Any) -> None:
     assert prediction.prior.name == "motor_slope"
 
 
+@pytest.mark.slow
 def test_models_versions_and_readiness(ask: Ask, contract_service: Any) -> None:
     url = contract_service.url
 
@@ -80,6 +81,7 @@ def test_strictness_turns_a_verdict_into_an_error(ask: Ask, contract_service: An
         ask(contract_service.url, "predict", 44, 430, 60, strict=True)
 
 
+@pytest.mark.slow
 def test_what_is_not_there_is_a_lookup_error(ask: Ask, contract_service: Any) -> None:
     url = contract_service.url
     with pytest.raises(NotFoundError) as caught:
@@ -118,6 +120,7 @@ def test_each_misbehaviour_has_its_error_and_its_number_of_tries(
     assert seen(fresh_hits, behaviour, questions) == questions
 
 
+@pytest.mark.slow
 def test_a_service_that_is_busy_once_is_asked_again(ask: Ask, contract_service: Any, fresh_hits: Counter[str]) -> None:
     prediction = ask(f"{contract_service.url}/busy-once", "predict", 28, 430, 60)
 
@@ -140,6 +143,7 @@ def test_readiness_hears_the_no_at_once(ask: Ask, contract_service: Any, fresh_h
     assert fresh_hits["busy"] == 1
 
 
+@pytest.mark.slow
 def test_a_slow_answer_times_out_as_told_and_is_not_repeated(
     ask: Ask, contract_service: Any, fresh_hits: Counter[str]
 ) -> None:
@@ -149,6 +153,7 @@ def test_a_slow_answer_times_out_as_told_and_is_not_repeated(
     assert seen(fresh_hits, "slow", 1) == 1
 
 
+@pytest.mark.slow
 def test_nobody_there_is_a_connection_error_soon(ask: Ask) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
@@ -160,6 +165,7 @@ def test_nobody_there_is_a_connection_error_soon(ask: Ask) -> None:
     assert time.monotonic() - began < 10  # the system waits for minutes where nobody says no
 
 
+@pytest.mark.slow
 def test_a_connection_that_breaks_once_is_made_again(ask: Ask) -> None:
     with socket.create_server(("127.0.0.1", 0)) as door, ThreadPoolExecutor() as pool:
         answering = pool.submit(_hang_up_once_then_answer, door, b'{"models": []}')
@@ -200,6 +206,7 @@ def test_one_client_serves_many_threads(contract_service: Any) -> None:
     assert [answer.time_s[-1] for answer in answers] == horizons.tolist()
 
 
+@pytest.mark.slow
 def test_one_client_serves_many_coroutines(contract_service: Any) -> None:
     async def ask_many() -> list[Any]:
         async with AsyncRoverTwin(contract_service.url) as twin:

@@ -67,6 +67,7 @@ def body(slug: str, status: int, **more: Any) -> bytes:
     return json.dumps(problem | more).encode()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("slug", "status", "kind"), NAMED, ids=[slug for slug, *_ in NAMED])
 def test_every_problem_of_the_service_has_its_named_error(slug: str, status: int, kind: type) -> None:
     error = responses.failure(status, {}, body(slug, status))

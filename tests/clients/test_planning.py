@@ -76,6 +76,7 @@ def test_failures_have_the_errors_and_tries_of_a_prediction(
     assert seen(fresh_hits, behaviour, questions) == questions
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("word", QUESTIONS)
 def test_a_service_that_is_busy_once_is_asked_again(
     ask: Ask, contract_service: Any, fresh_hits: Counter[str], word: str

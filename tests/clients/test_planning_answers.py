@@ -209,6 +209,7 @@ def replaced_somewhere(data: st.DataObject, whole: Any, junk: Any) -> Any:
         at = at[key]
 
 
+@pytest.mark.slow
 @given(data=st.data(), junk=json_values)
 def test_any_value_of_a_map_replaced_by_anything_is_a_map_or_a_named_error(data: st.DataObject, junk: Any) -> None:
     query = {"mass_kg": "430", "torque_min_nm": "0", "torque_max_nm": "40", "torque_steps": "2", "slope_steps": "3"}
@@ -224,6 +225,7 @@ def test_any_value_of_a_map_replaced_by_anything_is_a_map_or_a_named_error(data:
     assert found.steepest_climb_slope_deg.shape == shape[:1]
 
 
+@pytest.mark.slow
 @given(data=st.data(), junk=json_values)
 def test_any_value_of_suggested_runs_replaced_by_anything_is_read_or_a_named_error(
     data: st.DataObject, junk: Any

@@ -58,6 +58,7 @@ def test_round_trip_keeps_everything_to_the_stored_digits(dataset):
             np.testing.assert_array_equal(again.columns[name], np.round(again.columns[name], BY_NAME[name].digits))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(datasets(), st.randoms(use_true_random=False))
 def test_identity_survives_storage_order_and_name(dataset, random):
@@ -67,6 +68,7 @@ def test_identity_survives_storage_order_and_name(dataset, random):
     assert dataset_id(Dataset("another name", dataset.passport, tuple(shuffled))) == original
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(datasets(), st.data())
 def test_identity_changes_with_any_content(dataset, data):

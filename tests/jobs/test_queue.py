@@ -132,6 +132,7 @@ def test_a_cancelled_job_is_ended_and_stays_so(jobs):
             call("nothing")
 
 
+@pytest.mark.slow
 def test_events_go_on_after_any_of_them_and_end_with_the_state(jobs, clock):
     job_id = jobs.submit(REQUEST, actor="tester")[0].id
     (queued,) = jobs.events(job_id)

@@ -64,6 +64,7 @@ def test_a_chunk_that_runs_again_leaves_the_same_bytes_wherever_it_runs(attempt)
     assert place(two) == place(again) == place(elsewhere)
 
 
+@pytest.mark.slow
 def test_chunks_end_with_the_last_epoch(attempt):
     job = attempt()
     done, epochs = START, []

@@ -130,6 +130,7 @@ def worlds() -> list[tuple[Band, list, dict[str, Positions]]]:
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [0.5, 0.8, 0.9, 0.95])
 def test_the_truth_lies_inside_as_often_as_promised(worlds, level):
     shares = []
@@ -144,6 +145,7 @@ def test_the_truth_lies_inside_as_often_as_promised(worlds, level):
     assert np.mean(shares) == pytest.approx(level, abs=0.035)
 
 
+@pytest.mark.slow
 def test_the_coverage_it_states_is_what_leaving_runs_out_by_hand_gives():
     runs = random_runs(20, 3)
     predicted = left_out(runs, 3)

@@ -174,6 +174,7 @@ def test_killed_at_every_single_step_the_next_attempt_publishes_the_one_version(
 # ---- real threads and real processes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("url", ["memory://", "directory"])
 def test_threads_at_once_publish_once(url, directory):
     store = ModelStore.open(directory if url == "directory" else url, create=True)

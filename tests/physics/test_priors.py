@@ -15,6 +15,7 @@ from tests.physics.strategies import coefficients, scenarios, times
 every_prior = pytest.mark.parametrize("name", PRIOR_NAMES)
 
 
+@pytest.mark.slow
 @every_prior
 @given(scenarios, coefficients)
 def test_starts_at_rest_at_the_origin(name, batch, coefficient):
@@ -25,6 +26,7 @@ def test_starts_at_rest_at_the_origin(name, batch, coefficient):
     assert (np.abs(x[:, 1]) <= instant**2 * (1 + np.abs(prior.acceleration_m_s2(batch, np.zeros(len(batch)))))).all()
 
 
+@pytest.mark.slow
 @every_prior
 @given(scenarios, times, coefficients)
 def test_a_batch_equals_a_loop(name, batch, time_s, coefficient):
@@ -37,6 +39,7 @@ def test_a_batch_equals_a_loop(name, batch, time_s, coefficient):
         np.testing.assert_array_equal(together.y_m[row], alone.y_m[0])
 
 
+@pytest.mark.slow
 @every_prior
 @given(scenarios, times, coefficients)
 def test_times_may_differ_by_scenario(name, batch, time_s, coefficient):
@@ -47,6 +50,7 @@ def test_times_may_differ_by_scenario(name, batch, time_s, coefficient):
         np.testing.assert_array_equal(together.x_m[row], prior.positions(batch, every[row]).x_m[row])
 
 
+@pytest.mark.slow
 @every_prior
 @given(scenarios, times, coefficients)
 def test_positions_are_affine_in_the_coefficient(name, batch, time_s, coefficient):
@@ -57,6 +61,7 @@ def test_positions_are_affine_in_the_coefficient(name, batch, time_s, coefficien
     np.testing.assert_allclose(at[coefficient], expected, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 @every_prior
 @given(scenarios, times, coefficients)
 def test_answers_are_finite_float64(name, batch, time_s, coefficient):

@@ -36,6 +36,7 @@ def calls(store):
     return count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 0.7, 0.99])
 def test_a_check_that_raises_stops_the_fit_there(store, calls, share):
     left = at = int(share * calls)

@@ -114,6 +114,7 @@ def test_the_left_out_report_is_small_files_that_are_the_same_each_time(report):
             assert name.removeprefix("report/") in one["report/left_out.md"].decode()
 
 
+@pytest.mark.slow
 def test_the_left_out_table_tells_sets_and_climbing_runs_apart(report):
     page = report["report/left_out.md"].decode()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line[:1] == "|"]

@@ -70,6 +70,7 @@ def test_of_two_versions_at_most_one_is_better(pairs, margin):
     assert one.common_runs == len(pairs)
 
 
+@pytest.mark.slow
 @LAWS
 @given(errors=st.lists(ERRORS_M, min_size=LEAST_COMMON_RUNS, max_size=30), margin=MARGINS)
 def test_a_version_is_never_better_than_its_equal(errors, margin):
@@ -77,6 +78,7 @@ def test_a_version_is_never_better_than_its_equal(errors, margin):
     assert (same.verdict, same.ratio) == (Verdict.NOT_BETTER, 1.0)
 
 
+@pytest.mark.slow
 @LAWS
 @given(
     errors=st.lists(st.floats(0.1, 1.0), min_size=LEAST_COMMON_RUNS, max_size=20),

@@ -15,6 +15,7 @@ from service.training.dataset_import import RUNS_FILE
 SHIPPED = ModelStore.open(next(iter(model_store.__path__)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "runs", "rows"), [("paper", 13, 20_001), ("mass", 3, 20_001), ("space", 64, 10_001)])
 def test_every_sample_is_there_and_the_id_is_its_content(name, runs, rows):
     record = SHIPPED.dataset(name)
@@ -30,6 +31,7 @@ def test_a_number_of_the_original_output_is_kept_to_a_tenth_of_a_micrometre():
     assert (run.x_m[-1], run.y_m[-1]) == pytest.approx((1.24746444, 0.222892914), abs=5.01e-8)
 
 
+@pytest.mark.slow
 def test_the_parameters_in_the_code_are_those_of_the_passport():
     data = load_training_data(SHIPPED, ["paper", "mass", "space"])
     assert data.rover == VIPER

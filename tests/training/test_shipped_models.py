@@ -25,6 +25,7 @@ def test_every_version_is_whole_and_loads(name, version):
     assert np.isfinite(twin.model.positions(Scenarios.of(28, 430, 60), np.linspace(0, 10, 5)).x_m).all()
 
 
+@pytest.mark.slow
 def test_the_champion_follows_the_runs_that_it_was_trained_on():
     champion = SHIPPED.resolve("viper-lunar")
     twin = load_twin(SHIPPED, champion.name, champion.version)

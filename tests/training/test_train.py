@@ -75,6 +75,7 @@ def test_test_runs_leave_no_trace_in_the_model(store):
         assert tensor.equal(trained.model.residual.state_dict()[name]), name
 
 
+@pytest.mark.slow
 def test_the_same_config_gives_the_same_weights_and_a_resumed_one_too(store):
     digests = [published(store).files["weights.safetensors"].sha256 for _ in range(2)]
     left = begin_fit(prepare(store, CONFIG, lambda _phase: None))

@@ -29,6 +29,7 @@ def twin(tmp_path_factory: pytest.TempPathFactory) -> Twin:
     return load_twin(store, "unit", publish_banded(store).version)
 
 
+@pytest.mark.slow
 @given(scenario=scenarios, level=st.floats(0.5, 0.99))
 def test_the_band_holds_the_trajectory_and_opens_with_time(twin, scenario, level):
     prediction = twin.predict(scenario, sample_times(scenario.horizon_s, 0.5), band_level=level)
@@ -45,6 +46,7 @@ def test_the_band_holds_the_trajectory_and_opens_with_time(twin, scenario, level
         assert (np.diff(upper - lower) >= -1e-9 * (1 + np.abs(upper).max())).all()
 
 
+@pytest.mark.slow
 @given(scenario=scenarios)
 def test_asking_for_a_band_changes_nothing_else(twin, scenario):
     times = sample_times(scenario.horizon_s, 0.5)
@@ -109,6 +111,7 @@ def _with_nan() -> bytes:
 WHOLE = safetensors.numpy.save(synthetic_band().tensors())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("content", "description", "reason"),
     [

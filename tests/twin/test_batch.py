@@ -72,6 +72,7 @@ def test_many_are_the_loop(champion, asked, form):
         assert_same(found, alone, 1e-9)
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(inputs, horizons), min_size=1, max_size=10), st.booleans())
 @settings(max_examples=15, deadline=None)
 def test_many_are_the_loop_for_a_network(banded, asked, with_band):

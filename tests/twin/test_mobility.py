@@ -66,6 +66,7 @@ def steepest(found: MobilityMap) -> list[float | None]:
     return list(found.steepest_climb_slope_deg)
 
 
+@pytest.mark.slow
 @given(st.floats(200, 900), st.sampled_from([0.5, 4.0, 10.0]), st.booleans())
 @settings(max_examples=8)
 def test_every_cell_is_the_prediction_of_its_scenario(twin, mass_kg, horizon_s, learned):

@@ -67,6 +67,7 @@ def test_an_alias_move_is_followed_and_the_old_twin_stays_usable(store):
         assert before.summary.final_x_m > after.summary.final_x_m
 
 
+@pytest.mark.slow
 def test_while_a_version_loads_the_old_one_is_served_without_waiting(store):
     publish_champion(store)
     with running(store) as registry, fair_clock() as clock:
@@ -113,6 +114,7 @@ def test_starts_on_an_empty_store_and_heals(store):
         assert registry.get().twin.version == 1
 
 
+@pytest.mark.slow
 def test_resident_twins_are_bounded_and_the_default_stays(store):
     publish_champion(store)
     for seed in range(6):
@@ -238,6 +240,7 @@ def test_who_wants_to_know_of_loads_is_told_before_anybody_gets_the_twin(store):
     assert told == [(twin, None)]
 
 
+@pytest.mark.slow
 def test_an_unloaded_model_leaves_the_memory_and_comes_back_when_asked(store):
     publish_champion(store)
     publish_champion(store, "other")

@@ -77,6 +77,7 @@ def test_a_slow_rover_does_not_climb_because_it_is_shown_late(twin):
         assert twin.predict(asked[row], np.array([2.0, 4.0])).summary.outcome is Outcome.STALLS
 
 
+@pytest.mark.slow
 @given(scenario=scenarios)
 def test_frames_hold_the_same_points(learned, scenario):
     times = sample_times(scenario.horizon_s, 0.5)
@@ -123,6 +124,7 @@ def test_what_is_not_finite_is_never_answered(twin):
         twin.predict(Scenario(10, 430, 60, 1e200), np.array([0.0, 1e200]))
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=5)
 @given(st.lists(scenarios, min_size=8, max_size=8))
 def test_threads_get_the_answers_of_a_loop(learned, batch):

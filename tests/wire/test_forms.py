@@ -45,6 +45,7 @@ def test_no_form_lets_a_number_through_that_is_none(loaded, form, value):
         ENCODERS[form].encode(replace(subject, prediction=replace(subject.prediction, trajectory=spoilt)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", Format)
 def test_text_is_what_can_be_read_as_text(loaded, form):
     body = ENCODERS[form].encode(subject_of(loaded))

@@ -46,6 +46,7 @@ def faults_in(answer, field):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", WRONG_TEXT)
 @pytest.mark.parametrize("field", NUMBERS)
 def test_a_wrong_number_in_a_query_is_named_with_its_range(service, field, case):
@@ -149,6 +150,7 @@ def test_a_member_given_twice_in_a_body_is_not_guessed_at(service):
     assert fault["value"] == "430, 431"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "body",
     [
@@ -224,6 +226,7 @@ def test_errors_of_the_address_are_problems_too(service):
         assert answer.headers["content-type"] == "application/problem+json"
 
 
+@pytest.mark.slow
 def test_another_method_is_answered_with_those_there_are(service):
     answer = service.client.delete("/v1/predictions")
 

@@ -43,6 +43,7 @@ def test_an_announced_length_is_refused_before_the_body_is_sent(service):
         assert b"65536 bytes" in answer
 
 
+@pytest.mark.slow
 def test_a_body_without_length_is_counted_while_it_comes_in(service):
     chunk = b"8000\r\n" + b" " * 0x8000 + b"\r\n"
 
@@ -52,6 +53,7 @@ def test_a_body_without_length_is_counted_while_it_comes_in(service):
     assert b"urn:rover-twin:problem:body-too-large" in answer
 
 
+@pytest.mark.slow
 def test_a_get_with_a_large_body_is_refused_too(service):
     answer = exchange(service, head(f"Content-Length: {LIMIT + 1}", method="GET"))
 

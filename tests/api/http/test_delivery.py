@@ -81,6 +81,7 @@ CHANGES = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_other_answers_have_other_tags(service):
     tags = [raw(service, query=QUESTION | change)[1]["etag"] for change in CHANGES]
     tags += [raw(service, accept_encoding=coding)[1]["etag"] for coding in ("gzip", "zstd")]
@@ -104,6 +105,7 @@ def test_only_a_version_asked_for_by_number_is_immutable(service, address, model
     assert raw(service, path, query | ({"model": model} if model else {}))[1]["cache-control"] == cached
 
 
+@pytest.mark.slow
 def test_a_default_that_is_a_number_may_be_another_tomorrow(serve, store):
     publish_version(store)
     service = serve(default_model="viper-lunar@1")
@@ -116,6 +118,7 @@ def test_a_manifest_is_immutable_and_tells_no_cache_of_a_missing_one(service):
     assert "cache-control" not in raw(service, "/v1/models/viper-lunar/versions/99", {})[1]
 
 
+@pytest.mark.slow
 def test_when_the_alias_moves_the_tag_does(serve, store):
     move_alias(store, publish_version(store))
     service = serve(refresh_s=0.05)

@@ -136,6 +136,7 @@ def noting(handled):
     return called
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("query", "on_the_loop"),
     [

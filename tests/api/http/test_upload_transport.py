@@ -84,6 +84,7 @@ def test_who_asks_first_is_not_told_to_go_on(small):
     assert answer.startswith(b"HTTP/1.1 413"), answer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["application/octet-stream", "multipart/form-data; boundary=cut"])
 def test_a_body_without_length_is_counted_while_it_comes_in(small, folder, kind):
     part = b'--cut\r\nContent-Disposition: form-data; name="file"; filename="x"\r\n\r\n'
@@ -139,6 +140,7 @@ def test_of_a_client_that_goes_away_nothing_is_left(small, folder, data):
     assert small.client.post(DATASETS, content=b"x").status_code == 422  # its place is free again
 
 
+@pytest.mark.slow
 def test_a_client_that_stops_sending_is_not_waited_for(small, folder, monkeypatch):
     monkeypatch.setattr(upload_body, "IDLE_S", 0.3)
 
@@ -165,6 +167,7 @@ def test_a_third_upload_at_once_is_turned_away_until_one_has_ended(small, folder
         assert small.client.post(DATASETS, content=archive(runs=1)).status_code == 201
 
 
+@pytest.mark.slow
 def test_what_a_killed_process_left_is_removed_at_the_next_start_and_nothing_else(small, folder, tmp_path):
     forgotten = folder / "rover-twin-upload-forgotten"
     (forgotten / "import-x").mkdir(parents=True)

@@ -44,6 +44,7 @@ def own_champion(service_with_token):
     return f"/v1/models/{name}/aliases/champion"
 
 
+@pytest.mark.slow
 def test_a_new_alias_is_created_and_an_old_one_moves_by_its_etag(admin, three):
     created = move(admin, 1, "the first")
     read = admin.get(CHAMPION)
@@ -61,6 +62,7 @@ def test_a_new_alias_is_created_and_an_old_one_moves_by_its_etag(admin, three):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("conditions", "status", "problem"),
     [
@@ -102,6 +104,7 @@ def test_preconditions_of_an_alias_that_is_new(service_with_token, own_champion,
     assert service_with_token.get(own_champion).status_code == (200 if status == 201 else 404)
 
 
+@pytest.mark.slow
 def test_of_many_who_move_the_alias_that_they_all_saw_one_wins(admin, store, three):
     move(admin, 1)
 
@@ -114,6 +117,7 @@ def test_of_many_who_move_the_alias_that_they_all_saw_one_wins(admin, store, thr
     assert [record.reason for record in store.alias_history("viper-lunar", "champion")] == ["for a test", winner]
 
 
+@pytest.mark.slow
 def test_of_many_who_create_an_alias_one_wins(admin, store, three):
     with ThreadPoolExecutor(8) as pool:
         answers = list(pool.map(lambda number: move(admin, 2, f"mover {number}", If_None_Match="*"), range(8)))
@@ -169,6 +173,7 @@ def test_bodies_that_are_none(unmoved, content, kind, status):
     assert unmoved.store.aliases("viper-lunar") == {}
 
 
+@pytest.mark.slow
 def test_rollback_undoes_one_version_change_after_the_other(admin, three):
     for version in three:
         move(admin, version, **({"If_Match": "*"} if version > 1 else {}))
@@ -186,6 +191,7 @@ def test_rollback_undoes_one_version_change_after_the_other(admin, three):
     assert "nothing to roll back to" in too_far.json()["detail"]
 
 
+@pytest.mark.slow
 def test_a_rollback_may_have_preconditions_too(admin, three):
     move(admin, 1)
     move(admin, 2, If_Match='"1"')
@@ -196,6 +202,7 @@ def test_a_rollback_may_have_preconditions_too(admin, three):
     assert roll_back(admin, If_Match='"2"').status_code == 412
 
 
+@pytest.mark.slow
 def test_of_many_who_roll_back_what_they_all_saw_one_does(admin, store, three):
     for version in three:
         move(admin, version, **({"If_Match": "*"} if version > 1 else {}))
@@ -215,6 +222,7 @@ def test_a_rollback_of_an_alias_that_is_not_there(unmoved, name):
     assert answer.json()["type"].endswith("alias-not-found")
 
 
+@pytest.mark.slow
 def test_an_alias_with_a_damaged_record_is_repaired_by_a_move_that_takes_it_as_it_is(admin, store, three, tmp_path):
     move(admin, 1)
     record = tmp_path / "store/models/viper-lunar/aliases/champion/00000001.json"
@@ -225,6 +233,7 @@ def test_an_alias_with_a_damaged_record_is_repaired_by_a_move_that_takes_it_as_i
     assert store.alias("viper-lunar", "champion").version == 2
 
 
+@pytest.mark.slow
 def test_predictions_follow_a_move_within_two_seconds(admin, three):
     move(admin, 1)
     admin.wait_ready()

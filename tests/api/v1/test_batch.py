@@ -319,6 +319,7 @@ def test_the_same_batch_gives_the_same_bytes(service: Running):
         assert ask(service, sent, form).content == ask(service, sent, form).content
 
 
+@pytest.mark.slow
 def test_a_thousand_scenarios_cost_less_than_a_hundred_requests(service: Running):
     """In processor time, of client and service; `make bench` measures the real ratio."""
     rng = random.Random(1)

@@ -83,6 +83,7 @@ def test_a_damaged_version_is_a_problem_of_its_own(serve, store, publish, move, 
     assert service.get("/health/ready").status_code == 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["truncated weights", "newer major"])
 def test_a_champion_that_turns_out_damaged_leaves_the_old_one_serving(serve, store, publish, move, name):
     damage, _, word = DAMAGES[name]
@@ -102,6 +103,7 @@ def test_a_champion_that_turns_out_damaged_leaves_the_old_one_serving(serve, sto
     eventually(lambda: service.get("/health/ready").json()["failures"] == [])
 
 
+@pytest.mark.slow
 def test_an_empty_store_is_alive_not_ready_and_heals(serve, store, publish, move):
     service = serve(refresh_s=0.1)
 
@@ -119,6 +121,7 @@ def test_an_empty_store_is_alive_not_ready_and_heals(serve, store, publish, move
     assert service.predict().status_code == 200
 
 
+@pytest.mark.slow
 def test_a_broken_default_is_alive_not_ready_and_heals(serve, store, publish, move):
     move(store, publish(store))
     truncate_weights(version_folder(store, 1))
@@ -132,6 +135,7 @@ def test_a_broken_default_is_alive_not_ready_and_heals(serve, store, publish, mo
     assert service.wait_ready().json()["model"]["version"] == 2
 
 
+@pytest.mark.slow
 def test_an_alias_to_nothing_is_told_and_does_not_hide_other_models(serve, store, publish, move):
     move(store, publish(store))
     move(store, publish(store, name="other"), name="other")
@@ -146,6 +150,7 @@ def test_an_alias_to_nothing_is_told_and_does_not_hide_other_models(serve, store
     assert service.get("/v1/models").json()["models"][0]["name"] == "other"
 
 
+@pytest.mark.slow
 def test_a_damaged_alias_record_is_told(serve, store, publish, move):
     move(store, publish(store))
     record = version_folder(store, 1).parents[1] / "aliases" / "champion" / "00000001.json"
@@ -177,6 +182,7 @@ def test_an_answer_that_is_not_finite_is_never_sent(serve, store, publish, move)
     assert service.predict().status_code == 200
 
 
+@pytest.mark.slow
 def test_a_store_that_vanishes_leaves_what_is_loaded(serve, store, publish, move):
     move(store, publish(store))
     service = serve(refresh_s=0.1)

@@ -84,6 +84,7 @@ def test_the_same_question_gives_the_same_bytes(banded, form):
     assert ask(banded, form, QUESTION) == ask(banded, form, QUESTION)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", MEDIA_TYPES)
 def test_a_form_can_be_asked_for_by_its_media_type(service, form):
     answer = service.client.post("/v1/predictions", json=QUESTION, headers={"accept": MEDIA_TYPES[form]})
@@ -132,6 +133,7 @@ def test_a_plot_is_a_picture_of_bounded_size_whatever_is_asked(banded):
     assert imread(io.BytesIO(ask(banded, "png", everything | {"dt_s": 0.002}))).shape == (594, 825, 4)
 
 
+@pytest.mark.slow
 def test_a_plot_of_one_point_is_a_plot(service):
     lone = QUESTION | {"times_s": [3]}
 

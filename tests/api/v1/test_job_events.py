@@ -64,6 +64,7 @@ def cancelled(admin):
     return admin.post(job["links"]["cancel"]).json()
 
 
+@pytest.mark.slow
 def test_a_stream_begins_with_the_queue_and_ends_with_the_last_state(admin, cancelled):
     assert states(read(admin, cancelled)) == [(0, "queued"), (1, "cancelled")]
 
@@ -105,6 +106,7 @@ def test_the_answer_is_not_stored_compressed_or_held_back(admin, cancelled):
         assert "retry: 2000" in answer.read().decode().splitlines()
 
 
+@pytest.mark.slow
 def test_what_happens_is_told_while_the_stream_is_open(admin):
     job = submit(admin)
     with following(admin, job) as answer, fair_clock() as clock:
@@ -119,6 +121,7 @@ def test_what_happens_is_told_while_the_stream_is_open(admin):
     assert took < 3.0
 
 
+@pytest.mark.slow
 def test_a_quiet_stream_has_a_heartbeat(admin):
     job = submit(admin)
     began = time.monotonic()
@@ -159,6 +162,7 @@ def _first_status(client, job):
         return answer.status_code
 
 
+@pytest.mark.slow
 def test_an_open_stream_does_not_hold_up_the_end_of_the_service(tmp_path):
     with httpx.Client(timeout=60, trust_env=False) as outside, fair_clock() as clock:
         with admin_serving(job_store(tmp_path)) as running:
@@ -215,6 +219,7 @@ def test_a_stream_lasts_an_hour_at_most_and_can_be_taken_up_again(admin, monkeyp
     assert states(read(admin, job, **{"Last-Event-ID": "0"})) == [(1, "cancelled")]
 
 
+@pytest.mark.slow
 def test_the_log_of_a_job_that_said_nothing_is_empty(admin, cancelled):
     text = admin.get(cancelled["links"]["logs"])
     document = admin.get(cancelled["links"]["logs"], headers={"Accept": "application/json"})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 
 def test_the_list_names_versions_and_aliases(service):
     assert service.get("/v1/models").json() == {
@@ -22,6 +24,7 @@ def test_the_manifest_is_the_one_in_the_store(service):
     assert answer == service.store.manifest("viper-lunar", 2).model_dump(mode="json")
 
 
+@pytest.mark.slow
 def test_the_history_is_newest_first(serve, store, publish, move):
     for version in (publish(store), publish(store)):
         move(store, version)
@@ -37,5 +40,6 @@ def test_the_history_is_newest_first(serve, store, publish, move):
     assert alias["reason"] == "for a test"
 
 
+@pytest.mark.slow
 def test_an_empty_store_has_no_models(serve):
     assert serve().get("/v1/models").json() == {"models": []}

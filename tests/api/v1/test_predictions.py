@@ -77,6 +77,7 @@ def test_outside_the_domain_is_a_verdict_or_when_strict_a_refusal(service):
     assert {fault["field"] for fault in problem["errors"]} == reasons
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("accept", "kind"),
     [

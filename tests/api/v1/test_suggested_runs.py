@@ -46,6 +46,7 @@ def knowing(tmp_path_factory):
         yield running
 
 
+@pytest.mark.slow
 def test_rows_are_those_of_the_batch_with_reasons(knowing):
     answer = knowing.get(ADDRESS, n=5)
     document = answer.json()
@@ -114,6 +115,7 @@ def test_what_is_not_there_is_not_found(knowing):
         assert answer.json()["type"].endswith(kind)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", [{"runs": [{"run": "a"}]}, {"slope_deg": [3.0, 1.0]}, {"mass_kg": None}])
 def test_a_manifest_that_does_not_fit_is_a_damaged_artefact(serve, store, damage):
     publish(store, domain_of({}).describe() | damage)

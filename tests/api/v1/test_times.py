@@ -15,6 +15,7 @@ def post(service, **more):
     return service.client.post("/v1/predictions", json=QUESTION | more)
 
 
+@pytest.mark.slow
 @given(chosen=st.sets(st.integers(0, 199), max_size=20))
 @settings(max_examples=25)
 def test_the_values_are_those_of_the_whole_trajectory_at_these_times(service, chosen):
@@ -39,6 +40,7 @@ def test_a_get_takes_them_with_commas_or_one_by_one(service):
     assert post(service, times_s=[0.5, 1, 7.25], horizon_s=7.25).content == posted
 
 
+@pytest.mark.slow
 def test_as_many_as_there_may_be_points(serve, store, publish, move):
     move(store, publish(store))
     service = serve(max_body_bytes=4 << 20)

@@ -36,6 +36,7 @@ def slug_of(answer):
     return answer.json()["type"].rpartition(":")[2]
 
 
+@pytest.mark.slow
 def test_a_job_is_queued_and_the_answer_says_where_it_is(admin):
     answer = admin.post(ADDRESS, json=ASKED | {"promote": "if_better", "seed": 7})
     job = answer.json()
@@ -158,6 +159,7 @@ BAD_REQUESTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("change", "field"), BAD_REQUESTS.values(), ids=BAD_REQUESTS)
 def test_what_cannot_work_is_refused_before_it_is_queued(admin, change, field):
     before = ids(admin, limit=500)
@@ -209,6 +211,7 @@ def test_bodies_that_cannot_be_read(admin, body, kind, status, slug):
     assert (answer.status_code, slug_of(answer)) == (status, slug), answer.text
 
 
+@pytest.mark.slow
 def test_pages_show_every_job_once_newest_first(tmp_path):
     with admin_client(job_store(tmp_path)) as admin:
         made = [submit(admin, model="a" if n % 2 else "b", seed=n)["id"] for n in range(7)]
@@ -284,6 +287,7 @@ def test_cancelling_ends_a_job_once(admin):
     assert admin.get(job["links"]["self"]).json()["state"] == "cancelled"
 
 
+@pytest.mark.slow
 def test_a_full_queue_says_when_to_come_back(tmp_path):
     with admin_client(job_store(tmp_path), max_queued_jobs=2) as admin:
         first, second = submit(admin), submit(admin, key="second")
@@ -331,6 +335,7 @@ def test_a_database_that_is_down_is_a_503_and_predictions_go_on(tmp_path, questi
     assert took < 8
 
 
+@pytest.mark.slow
 def test_a_retry_finds_its_job_also_when_the_dataset_is_gone_meanwhile(tmp_path):
     with admin_client(job_store(tmp_path)) as admin:
         job = submit(admin, key="lost-answer")
@@ -342,6 +347,7 @@ def test_a_retry_finds_its_job_also_when_the_dataset_is_gone_meanwhile(tmp_path)
         assert (other.status_code, other.json()["errors"][0]["field"]) == (422, "datasets")
 
 
+@pytest.mark.slow
 def test_what_was_queued_survives_a_restart(tmp_path):
     store = job_store(tmp_path)
     with admin_client(store) as admin:

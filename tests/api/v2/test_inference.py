@@ -101,6 +101,7 @@ def test_every_output_is_the_very_one_of_the_single_route(banded, client, count,
     assert answer.get_response()["parameters"]["alias"] == "champion"
 
 
+@pytest.mark.slow
 def test_the_prior_is_the_prior_where_a_network_corrects_it(publish, move, serve, store):
     move(store, publish(store, architecture="paper_network"))
     running = serve()
@@ -133,6 +134,7 @@ def forms(draw):
     return inputs, outputs, draw(st.sampled_from([None, "gzip", "deflate"]))
 
 
+@pytest.mark.slow
 @given(forms(), st.integers(1, 6))
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_the_numbers_do_not_depend_on_how_they_travel(client, form, count):
@@ -322,6 +324,7 @@ def test_bounds_of_a_request(client):
         assert error.message().startswith(f"{named} is "), error.message()
 
 
+@pytest.mark.slow
 def test_the_step_that_is_offered_is_accepted(client):
     asked = tensors(**scenarios(900))
     error = refusal(lambda: client.infer("viper-lunar", asked, parameters={"dt_s": 0.001}))
@@ -344,6 +347,7 @@ def test_a_version_without_a_band_has_no_such_outputs(client):
     assert "viper-lunar@2" in error.message()
 
 
+@pytest.mark.slow
 def test_statistics_count_what_was_asked(publish, move, serve, store):
     move(store, publish(store))
     running = serve()
@@ -374,6 +378,7 @@ def test_statistics_count_what_was_asked(publish, move, serve, store):
         assert refusal(lambda: client.get_inference_statistics("nobody")).status() == "404"
 
 
+@pytest.mark.slow
 def test_the_repository_shows_what_is_in_memory(publish, move, serve, store):
     move(store, publish(store))
     move(store, publish(store, "other"), name="other")
@@ -414,6 +419,7 @@ def test_damage_of_one_version_is_told_of_that_version_only(publish, move, serve
         assert client.is_server_ready()
 
 
+@pytest.mark.slow
 def test_a_server_without_models_is_alive_and_not_ready(serve, store):
     running = serve()
     with triton.InferenceServerClient(running.url.removeprefix("http://")) as client:

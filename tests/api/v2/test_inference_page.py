@@ -54,6 +54,7 @@ def test_an_example_prints_what_the_page_shows(shipped, language, text, shown):
         assert done.stdout == shown
 
 
+@pytest.mark.slow
 def test_the_page_names_all_tensors_and_parameters(shipped):
     metadata = shipped.get("/v2/models/viper-lunar").json()
 

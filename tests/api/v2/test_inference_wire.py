@@ -205,6 +205,7 @@ def test_a_packed_body_is_unpacked(banded, encoding):
     assert answer.content == banded.client.post(INFER, content=body).content
 
 
+@pytest.mark.slow
 def test_a_body_that_cannot_be_unpacked_is_refused(banded):
     def post(content, encoding="gzip"):
         return banded.client.post(INFER, content=content, headers={"Content-Encoding": encoding})
@@ -217,6 +218,7 @@ def test_a_body_that_cannot_be_unpacked_is_refused(banded):
     assert "65536 bytes" in failed(post(gzip.compress(b" " * 100_000_000)[:60_000]), 413)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "path", "status"),
     [
@@ -257,6 +259,7 @@ def test_bodies_of_the_repository_are_checked(banded, path):
         failed(banded.client.post(f"/v2/repository/{path}", content=content))
 
 
+@pytest.mark.slow
 def test_the_index_can_be_of_what_is_ready_only(publish, move, serve, store):
     move(store, publish(store))
     publish(store, coefficient=0.2)
@@ -293,6 +296,7 @@ def test_any_bytes_get_an_answer_and_never_a_fault_of_ours(banded, body, length,
         failed(answer, 501 if answer.status_code == 501 else 400)
 
 
+@pytest.mark.slow
 def test_every_route_of_the_protocol_declares_its_errors_in_the_form():
     paths = {path: each for path, each in openapi_document()["paths"].items() if path.startswith("/v2")}
 

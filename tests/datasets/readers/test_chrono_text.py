@@ -42,6 +42,7 @@ def written_tables(draw):
     return matrix, gzip.compress(data, 1) if draw(st.booleans()) else data, where
 
 
+@pytest.mark.slow
 @given(written_tables())
 def test_every_way_of_writing_gives_the_same_numbers_and_lines(case):
     matrix, data, where = case
@@ -111,6 +112,7 @@ def test_a_file_full_of_faults_reports_a_bounded_number():
     assert len(caught.value.findings) == 20
 
 
+@pytest.mark.slow
 def test_decompression_bomb_stops_at_the_bound():
     bomb = gzip.compress(b"0,1\n" * 20_000_000, 9)
     assert len(bomb) < 1_000_000

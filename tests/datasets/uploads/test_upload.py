@@ -264,6 +264,7 @@ _BASES = [
 ]
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_damage_anywhere_is_read_or_rejected_never_anything_else(tmp_path_factory, data):

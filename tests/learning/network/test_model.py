@@ -36,11 +36,13 @@ def test_zero_residual_equals_prior(prior, batch, time_s):
     np.testing.assert_array_equal(answered.y_m, expected.y_m)
 
 
+@pytest.mark.slow
 @given(batch=scenarios)
 def test_starts_at_the_origin_with_the_mean_speed_form(batch):
     assert (model(x_form="mean_speed").positions(batch, np.array([0.0, 1.0])).x_m[:, 0] == 0.0).all()
 
 
+@pytest.mark.slow
 @given(batch=scenarios, time_s=times)
 def test_a_batch_equals_a_loop(batch, time_s):
     # to rounding of float32: the product of more rows may be cut differently, and sums are then taken in another order

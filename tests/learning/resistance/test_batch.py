@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -34,6 +35,7 @@ def assert_same(one: Positions, other: Positions) -> None:
     np.testing.assert_array_equal(one.y_m, other.y_m)
 
 
+@pytest.mark.slow
 @given(st.integers(1, 60), st.integers(0, 2**32 - 1), st.sampled_from([0.01, 3.0, 40.0]))
 @settings(max_examples=12, deadline=None)
 def test_a_batch_is_the_loop(fitted: FittedProcess, count, seed, horizon_s):

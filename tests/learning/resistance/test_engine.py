@@ -137,6 +137,7 @@ def test_arrays_may_be_of_any_layout(fitted: FittedProcess):
     np.testing.assert_array_equal(fitted.model.positions(backwards, TIMES).x_m, plain.x_m[::-1])
 
 
+@pytest.mark.slow
 def test_threads_do_not_meet(shipped: ResistanceProcess):
     scenarios = [Scenarios.of(slope, 430, 60) for slope in np.linspace(5, 35, 200)]
     alone = [shipped.positions(each, TIMES).x_m for each in scenarios]

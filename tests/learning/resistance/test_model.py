@@ -88,6 +88,7 @@ def test_an_answer_does_not_depend_on_what_else_is_asked(fitted: FittedProcess):
     assert fitted.model.positions(scenario, np.array([])).x_m.shape == (1, 0)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     st.floats(-45, 45),
