@@ -5,7 +5,8 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 ARGS ?=
 export PYTHONDONTWRITEBYTECODE := # byte code is kept: without it each test process compiles everything anew
-BESIDE := -n auto --maxprocesses 8 --dist worksteal # tests beside each other, one worker for each processor
+# tests beside each other: one worker more than processors, since those that start processes mostly wait
+BESIDE := -n $(shell n=$$(nproc); echo $$((n < 8 ? n + 1 : 8))) --dist worksteal
 # The first interpreter that is new enough. Override with `make PYTHON=/path/to/python3.12 run`.
 PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' && echo $$p && break; done)

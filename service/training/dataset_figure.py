@@ -10,7 +10,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from service.datasets import Dataset, Run
-from service.training.figures import RENDERERS
+from service.training.drawing import RENDERERS
 
 MOST_RUNS = 400
 """Runs whose curves are drawn, spread evenly over the slopes."""

@@ -1,15 +1,10 @@
-"""Figures as bytes: the paper's four for our runs, and the look they share with other reports.
-
-Drawn through matplotlib's objects, without pyplot's global state. The same input gives the same bytes.
-"""
+"""The paper's four figures, for our runs."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,11 +12,11 @@ from matplotlib.patheffects import withStroke
 
 from service.learning.observed import ObservedRun
 from service.physics.scenario import Array, Positions
+from service.training.drawing import SMALLEST_CM, log_cm, new_axes
 from service.training.reproduce import OURS, PAPER_NETWORK, PRINTED_PRIOR, Reproduction, Trial
 
 _SNAPSHOTS = 12  # figures 2 and 4 of the paper
 _MOST_LINE_POINTS = 400
-SMALLEST_CM = 0.01  # a tenth of a millimetre: where the logarithmic error axis begins
 _PUBLISHED_CM = {PRINTED_PRIOR: 190.0, PAPER_NETWORK: 6.1}
 
 
@@ -58,37 +53,6 @@ def reproduction_figures(reproduction: Reproduction) -> dict[str, Figure]:
         "error_against_time": _error(unseen, drawn),
         "figure_4_double_mass": _positions(heavy, {key: trial.heavy for key, trial in drawn.items()}, "Figure 4"),
     }
-
-
-def as_svg(figure: Figure) -> bytes:
-    """The figure as SVG, without date."""
-    return _saved(figure, "svg", {"Date": None, "Creator": None})
-
-
-def as_png(figure: Figure) -> bytes:
-    """The figure as PNG, for viewers that show no SVG."""
-    return _saved(figure, "png", {"Software": None})
-
-
-def _saved(figure: Figure, kind: str, metadata: dict[str, str | None]) -> bytes:
-    buffer = io.BytesIO()
-    # `svg.hashsalt` makes the ids inside an SVG the same each time; `path` draws letters the same everywhere
-    with mpl.rc_context({"svg.hashsalt": "rover-twin", "svg.fonttype": "path"}):
-        figure.savefig(buffer, format=kind, dpi=110, metadata=metadata)
-    return buffer.getvalue()
-
-
-def new_axes(title: str, x_label: str, y_label: str, size: tuple[float, float] = (7.5, 4.2)) -> tuple[Figure, Axes]:
-    """An empty figure with the look that all share; size in inches."""
-    figure = Figure(figsize=size, layout="constrained", facecolor="white")
-    axes = figure.add_subplot()
-    axes.set_title(title, fontsize=11, loc="left")
-    axes.set_xlabel(x_label)
-    axes.set_ylabel(y_label)
-    axes.grid(True, color="#dddddd", linewidth=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-    return figure, axes
 
 
 def _scenario(run: ObservedRun) -> str:
@@ -181,15 +145,6 @@ def _line(axes: Axes, time_s: Array, values: Array, style: Style, width: float =
     )
 
 
-def log_cm(axes: Axes) -> None:
-    """A logarithmic error axis with plain numbers."""
-    axes.set_yscale("log")
-    axes.yaxis.set_major_formatter("{x:g}")
-
-
 def _legend(axes: Axes) -> None:
     """The legend beside the axes, where it hides nothing."""
     axes.legend(frameon=False, fontsize=9, loc="upper left", bbox_to_anchor=(1.02, 1.0))
-
-
-RENDERERS: dict[str, Callable[[Figure], bytes]] = {"svg": as_svg, "png": as_png}

@@ -15,7 +15,7 @@ from service.learning.observed import ObservedRun
 from service.physics.parameters import RegolithParameters, RoverParameters
 from service.physics.scenario import Array, Positions, Scenarios
 from service.physics.similarity import torque_ratio
-from service.training.figures import SMALLEST_CM, as_svg, log_cm, new_axes
+from service.training.drawing import SMALLEST_CM, as_svg, log_cm, new_axes
 
 CLIMBS_ABOVE_M = 0.3  # a run that ends further up than this climbs; the others stall or slide back
 _SMALLEST_DISTANCE_M = 0.05  # relative errors: distance travelled, or this where that is less

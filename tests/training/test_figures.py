@@ -10,7 +10,8 @@ from service.learning.evaluate import PositionErrors, RunEvaluation
 from service.learning.network.fit_config import FitConfig
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.scenario import Positions
-from service.training.figures import RENDERERS, STYLES, reproduction_figures
+from service.training.drawing import RENDERERS
+from service.training.figures import STYLES, reproduction_figures
 from service.training.report import climbs, error_curves, left_out_report, relative_error
 from service.training.reproduce import CONTESTANTS, Effort, Reproduction, Row, Trial, set_course
 from tests.learning.synthetic import synthetic_run

@@ -55,7 +55,8 @@ def reproduce(
     """
     from service.cli.threads import use_threads
     from service.cli.views.training_progress import make_progress
-    from service.training.figures import RENDERERS, reproduction_figures
+    from service.training.drawing import RENDERERS
+    from service.training.figures import reproduction_figures
     from service.training.reproduce import COLUMNS, Effort, table
     from service.training.reproduce import reproduce as run
 
