@@ -90,7 +90,7 @@ class AdminGate:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
-        path = own_path(scope) if scope["type"] == "http" else ""
+        path = own_path(scope) if scope["type"] == "http" and _PREFIX in scope["path"] else ""
         if path == _PREFIX or path.startswith(_PREFIX + "/"):
             try:
                 check_token(scope["state"]["services"], Headers(scope=scope))

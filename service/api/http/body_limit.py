@@ -11,6 +11,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.api.http.errors import ErrorAnswers, own_path
 from service.api.http.exceptions import BodyTooLargeError
 
+_ANNOUNCE_A_BODY = (b"content-length", b"transfer-encoding")
 _LINGER_S = 0.5
 _LINGER_BYTES = 16 << 20
 
@@ -35,8 +36,8 @@ class BodyLimit:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
-        if scope["type"] != "http":
-            await self.app(scope, receive, send)
+        if scope["type"] != "http" or not any(name in _ANNOUNCE_A_BODY for name, _ in scope["headers"]):
+            await self.app(scope, receive, send)  # without either of them there is no body (RFC 9112, 6.3)
             return
         path = own_path(scope)
         limit_bytes = self.larger.get((scope["method"], path), self.limit_bytes)
