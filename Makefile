@@ -22,7 +22,7 @@ test: $(VENV)/.dev ## all tests but the two that take minutes (e2e, image)
 	@$(BIN)/pytest $(BESIDE) $(ARGS)
 
 quick: $(VENV)/.dev ## the inner loop: no tests that start processes, nor slow ones
-	@$(BIN)/pytest $(BESIDE) --ignore-glob="*_contract.py" --ignore-glob="*schemathesis*.py" -m "not processes and not slow and not e2e and not image" $(ARGS)
+	@$(BIN)/pytest -n auto --maxprocesses 8 --dist worksteal --ignore-glob="*_contract.py" --ignore-glob="*schemathesis*.py" -m "not processes and not slow and not e2e and not image" $(ARGS)
 
 lint: $(VENV)/.dev ## style, and the direction of imports
 	@$(BIN)/ruff check .
