@@ -103,7 +103,6 @@ def create_app(
             storage=WorkerThreads("store reads", _STORAGE_THREADS, settings.max_waiting),
             instruments=counting,
             jobs=jobs,
-            worker=worker,
         )
 
         async def start() -> None:

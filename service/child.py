@@ -25,6 +25,7 @@ import structlog
 from anyio.abc import ByteReceiveStream, Process
 
 NICENESS = 10
+_MOST_SAID_BYTES = 64 << 20
 # First of all the signals: until its function says otherwise, each of the two ends a child without a word.
 _PROGRAM = """
 import signal
@@ -94,7 +95,7 @@ async def ask(function: str, task: bytes, *, within_s: float) -> subprocess.Comp
 async def _collect(stream: ByteReceiveStream | None, into: bytearray) -> None:
     assert stream is not None
     async for piece in stream:
-        into += piece
+        into += piece[: _MOST_SAID_BYTES - len(into)]  # the rest is read, so that the child can end, and dropped
 
 
 async def keep(

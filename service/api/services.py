@@ -14,7 +14,6 @@ from service.api.http.instruments import Instruments
 from service.api.http.statistics import Statistics
 from service.api.http.worker_threads import WorkerThreads
 from service.jobs.queue import JobQueue
-from service.jobs.supervisor import WorkerSupervisor
 from service.settings import Settings
 from service.twin import Loaded, TwinRegistry
 
@@ -46,7 +45,6 @@ class Services:
     storage: WorkerThreads
     instruments: Instruments
     jobs: JobQueue | None = None  # None without an admin token
-    worker: WorkerSupervisor | None = None  # None where it is left to others
     # a line of their own: a database that hangs must not keep the store's readers waiting
     job_calls: WorkerThreads = field(
         default_factory=lambda: WorkerThreads("training job calls", _JOB_THREADS, _JOB_CALLS_WAITING)

@@ -11,7 +11,6 @@ from service.api.v2.signature import (
     DEFAULT_HORIZON_S,
     DEFAULT_STEP_S,
     INPUTS,
-    MAX_SCENARIOS,
     OUTPUTS,
     InputTensor,
     OutputTensor,
@@ -20,6 +19,7 @@ from service.api.v2.wire import Parameters
 from service.learning.band import HIGHEST_LEVEL, LOWEST_LEVEL, USUAL_LEVEL
 from service.settings import LIMITS
 from service.twin import Frame
+from service.wire.batch import MAX_SCENARIOS
 
 PLATFORM = "rover-twin_safetensors"
 _TRITON_TYPES = {"BYTES": "TYPE_STRING"}  # all others are TYPE_ and the name

@@ -14,7 +14,6 @@ from service.api.v2.signature import (
     DEFAULT_STEP_S,
     INPUT_TYPES,
     INPUTS,
-    MAX_SCENARIOS,
     OUTPUTS,
     InputTensor,
     OutputTensor,
@@ -24,6 +23,7 @@ from service.learning.band import HIGHEST_LEVEL, LOWEST_LEVEL, USUAL_LEVEL
 from service.physics.scenario import Array
 from service.settings import LIMITS
 from service.twin import Frame, Scenario, Twin
+from service.wire.batch import MAX_SCENARIOS
 from service.wire.faults import InputFault, InvalidInputError, fault, unknown_field
 from service.wire.points import bounded_grid, require_few_times
 from service.wire.prediction import ALLOWED

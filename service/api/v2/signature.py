@@ -12,7 +12,6 @@ import numpy.typing as npt
 from service.settings import LIMITS
 from service.twin import Frame, PredictionBatch
 
-MAX_SCENARIOS = 1000
 DEFAULT_HORIZON_S = 10.0
 DEFAULT_STEP_S = 0.05
 INPUT_TYPES: dict[str, np.dtype[np.floating[Any]]] = {"FP64": np.dtype("<f8"), "FP32": np.dtype("<f4")}
