@@ -46,7 +46,16 @@ COLUMNS: tuple[Column, ...] = (
     Column("front_omega_radps", "rad/s", "front wheel spin, positive uphill", -1000.0, 1000.0, 5,
            ("front_omega_rad_s",)),
     Column("rear_lateral_m", "m", "sideways position of the rear wheel", -99.0, 99.0, 6),
+    # what acted on the rover, where it changes within the run; the ranges are those of scenarios (see `run_table`)
+    Column("slope_deg", "deg", "slope that acts at this time, positive uphill", -45.0, 45.0, 7,
+           ("slope_angle_deg",)),
+    Column("torque_nm", "N m", "stall torque of each wheel's motor at this time; 0: motors off, wheels free",
+           0.0, 10_000.0, 4, ("torque_n_m", "stall_torque_nm", "stall_torque_n_m")),
+    Column("brake", "1", "1: motors off and wheels locked; 0: not", 0.0, 1.0, 0, ("brakes", "brake_on")),
 )  # fmt: skip
+
+INPUTS: tuple[str, ...] = ("slope_deg", "torque_nm", "brake")
+"""Columns that say what acted on the rover: a run has them only where they change, else its scenario says it."""
 
 BY_NAME: dict[str, Column] = {column.name: column for column in COLUMNS}
 REQUIRED: tuple[str, ...] = ("time_s", "rear_x_m", "rear_y_m")

@@ -23,7 +23,8 @@ def dataset_id(dataset: Dataset) -> str:
     """64 hex digits over the passport and every run with its values rounded as stored.
 
     The order of runs, the dataset's own name and the layout of files do not count. A dataset has the same
-    id before it is written and after it is read back.
+    id before it is written and after it is read back. A slope or torque that changes within a run counts as a column
+    like any other.
     """
     digest = hashlib.sha256(_LAYOUT)
     digest.update(dataset.passport.canonical_json().encode() + b"\n")
@@ -46,10 +47,17 @@ def _run_header(run: Run) -> dict[str, object]:
     return {
         "name": run.name,
         "set": run.set_name,
-        "slope_deg": float(run.slope_deg),
+        "slope_deg": _at_start(run, "slope_deg"),
         "mass_kg": float(run.mass_kg),
-        "torque_nm": float(run.torque_nm),
+        "torque_nm": _at_start(run, "torque_nm"),
         "horizon_s": float(run.horizon_s),
         "columns": list(run.columns),
         "rows": len(run),
     }
+
+
+def _at_start(run: Run, name: str) -> float:
+    """Of an input that changes: as it is stored."""
+    if name not in run.columns:
+        return float(getattr(run, name))
+    return float(stored_integers(run, name)[0] / BY_NAME[name].scale)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from service.datasets.checks.candidate import Array, Candidate
-from service.datasets.checks.validate import check_duplicates, check_run
+from service.datasets.checks.validate import check_duplicates, check_run, check_slopes
 from service.datasets.findings import Code, Finding, UnusableFileError, reject
 from service.datasets.passport import Passport
 from service.datasets.readers.chrono_text import TextTable
@@ -28,10 +28,15 @@ class Intake:
         self._runs: list[tuple[str, Run]] = []
         self.findings: list[Finding] = []
 
-    def take(self, entry: RunEntry, name: str, read: Callable[[], TextTable]) -> None:
-        """One run: what `read` gives, as the run `name` of `entry`. Faults become findings."""
+    def take(
+        self, entry: RunEntry, name: str, read: Callable[[], TextTable], inputs: Mapping[str, Array] | None = None
+    ) -> None:
+        """One run: what `read` gives, as the run `name` of `entry`. Faults become findings.
+
+        `inputs` are further columns, by canonical name, as many values as the table has rows.
+        """
         try:
-            candidate, noticed = self._candidate(entry, read())
+            candidate, noticed = self._candidate(entry, read(), inputs or {})
         except UnusableFileError as error:
             self.findings += error.findings
             return
@@ -45,7 +50,7 @@ class Intake:
 
         Raises RejectedDatasetError when no run is usable or, with `strict`, when any is not.
         """
-        findings = [*self.findings, *check_duplicates(self._runs)]
+        findings = [*self.findings, *check_duplicates(self._runs), *check_slopes(self._runs)]
         barred = {finding.file for finding in findings if finding.rejects}
         accepted = {file: run for file, run in self._runs if file not in barred}
         rejected = [file for file in dict.fromkeys(offered) if file not in accepted]
@@ -57,7 +62,9 @@ class Intake:
             raise RejectedDatasetError(report, f"{len(report.rejections)} reasons to reject")
         return dataset, report
 
-    def _candidate(self, entry: RunEntry, table: TextTable) -> tuple[Candidate, Sequence[Finding]]:
+    def _candidate(
+        self, entry: RunEntry, table: TextTable, inputs: Mapping[str, Array]
+    ) -> tuple[Candidate, Sequence[Finding]]:
         self._rows_left -= len(table.lines)
         if self._rows_left < 0:
             message = f"the dataset has more than {self._max_rows} rows, allowed is at most {self._max_rows}"
@@ -69,13 +76,21 @@ class Intake:
         columns = {name: table.columns[index] for name, index in found.indices.items()}
         if found.zero_start:
             columns = _from_zero(columns)
+        columns |= inputs
         return Candidate(entry, columns, table.lines, self._passport), found.findings
 
 
 def _run(candidate: Candidate, name: str) -> Run:
     entry = candidate.entry
     horizon_s = entry.horizon_s if entry.horizon_s is not None else round(float(candidate.time_s[-1]), 6)
-    return Run(name, entry.set_name, entry.slope_deg, entry.mass_kg, entry.torque_nm, horizon_s, candidate.columns)
+    slope, torque = (_at_start(candidate, each) for each in ("slope_deg", "torque_nm"))
+    return Run(name, entry.set_name, slope, entry.mass_kg, torque, horizon_s, candidate.columns)
+
+
+def _at_start(candidate: Candidate, name: str) -> float:
+    """What the run's entry says, else its first row: they agree (see `checks.values`)."""
+    declared: float | None = getattr(candidate.entry, name)
+    return float(candidate.columns[name][0]) if declared is None else declared
 
 
 def _from_zero(columns: dict[str, Array]) -> dict[str, Array]:

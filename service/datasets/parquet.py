@@ -1,8 +1,9 @@
 """Datasets as one Parquet file: a long table, one row group per run, numbers as decimals.
 
-Columns: `run`, `set`, `slope_deg`, `mass_kg`, `torque_nm`, `horizon_s` (constant within a run, dictionary
-encoded, so they cost nothing) and the measured columns as decimal(9, digits), stored as 32-bit integers,
-delta-encoded: 0.7-1.0 byte a value. Any Parquet tool reads it; with pandas, cast the decimals:
+Columns: `run`, `set`, `slope_deg`, `mass_kg`, `torque_nm`, `horizon_s` (dictionary encoded, so they cost nothing
+where they are constant within a run; slope and torque may change from row to row) and the measured columns as
+decimal(9, digits), stored as 32-bit integers, delta-encoded: 0.7-1.0 byte a value. Where no wheel is ever locked
+`brake` is null. Any Parquet tool reads it; with pandas, cast the decimals:
 `pyarrow.parquet.read_table(file)` then `table.column(name).cast("float64")`. Passport and name of the dataset
 are in the file's key-value metadata under `rover-twin.*`.
 """
@@ -17,7 +18,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import parquet as pq
 
-from service.datasets.columns import BY_NAME, COLUMNS, MAX_COLUMNS, REQUIRED
+from service.datasets.columns import BY_NAME, COLUMNS, INPUTS, MAX_COLUMNS, REQUIRED
 from service.datasets.digest import stored_integers
 from service.datasets.passport import Passport, parse_passport
 from service.datasets.run import MAX_ROWS_PER_RUN, MAX_RUNS, MAX_TOTAL_ROWS, Array, Dataset, Run
@@ -27,6 +28,8 @@ FORMAT = "rover-twin-runs/1"
 PRECISION = 9
 _TEXTS = ("run", "set")
 _SCENARIO = ("slope_deg", "mass_kg", "torque_nm", "horizon_s")
+_MAY_CHANGE = tuple(name for name in INPUTS if name in _SCENARIO)
+_MEASURED = tuple(column.name for column in COLUMNS if column.name not in _SCENARIO)
 _META_FORMAT, _META_NAME, _META_PASSPORT = b"rover-twin.format", b"rover-twin.name", b"rover-twin.passport"
 _TEXT_TYPE = pa.dictionary(pa.int32(), pa.string())
 
@@ -36,7 +39,7 @@ def write_parquet(dataset: Dataset, sink: str | BinaryIO, *, compression_level: 
 
     Raises DatasetError naming run, column and value when a value needs more than nine digits.
     """
-    present = [c.name for c in COLUMNS if any(c.name in run.columns for run in dataset.runs)]
+    present = [name for name in _MEASURED if any(name in run.columns for run in dataset.runs)]
     schema = _schema(dataset, present)
     with pq.ParquetWriter(
         sink,
@@ -65,7 +68,10 @@ def read_parquet(
     runs: Collection[str] | None = None,
     sets: Collection[str] | None = None,
 ) -> Dataset:
-    """Read a dataset, or only some columns (the required ones always come), runs and sets.
+    """Read a dataset, or only some columns, runs and sets.
+
+    The required columns always come, and so do slope, torque and brake of runs in which they change: without them a
+    run would look like one under constant slope and torque.
 
     Raises DatasetError for a file that is not ours, is damaged or is larger than allowed, or where no run is
     left; InvalidValueError for unknown column names.
@@ -116,9 +122,16 @@ def _table(run: Run, schema: pa.Schema) -> pa.Table:
     constants = {"run": run.name, "set": run.set_name}
     first = pa.array(np.zeros(rows, dtype=np.int32))
     arrays = [pa.DictionaryArray.from_arrays(first, pa.array([constants[name]])) for name in _TEXTS]
-    arrays += [pa.array(np.full(rows, float(getattr(run, name)))) for name in _SCENARIO]
+    arrays += [pa.array(_scenario_column(run, name)) for name in _SCENARIO]
     arrays += [_column(run, field.name, field.type) for field in list(schema)[len(arrays) :]]
     return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _scenario_column(run: Run, name: str) -> Array:
+    """One value for all rows; of what changes within the run, each row's, at its stored digits."""
+    if name in run.columns:
+        return stored_integers(run, name) / BY_NAME[name].scale
+    return np.full(len(run), float(getattr(run, name)))
 
 
 def _column(run: Run, name: str, decimal_type: pa.DataType) -> pa.Array:
@@ -164,7 +177,7 @@ def _metadata(file: pq.ParquetFile) -> tuple[str, Passport]:
         if name not in schema.names:
             raise DatasetError(f"the Parquet file has no column {name}")
     for field in schema:
-        if field.name in BY_NAME and field.type != _decimal(field.name):
+        if field.name in _MEASURED and field.type != _decimal(field.name):
             raise DatasetError(f"column {field.name} has type {field.type}, expected {_decimal(field.name)}")
     name = metadata.get(_META_NAME, b"").decode("utf-8", "replace")
     return name, parse_passport(metadata.get(_META_PASSPORT, b""), file=_META_PASSPORT.decode())
@@ -173,18 +186,34 @@ def _metadata(file: pq.ParquetFile) -> tuple[str, Passport]:
 def _runs(
     file: pq.ParquetFile, columns: Collection[str] | None, runs: Collection[str] | None, sets: Collection[str] | None
 ) -> Iterator[Run]:
-    available = [c.name for c in COLUMNS if c.name in file.schema_arrow.names]
-    wanted = [name for name in available if columns is None or name in columns or name in REQUIRED]
+    available = [name for name in _MEASURED if name in file.schema_arrow.names]
+    always = {*REQUIRED, *INPUTS}
+    wanted = [name for name in available if columns is None or name in columns or name in always]
     for index in range(file.num_row_groups):
         labels = file.read_row_group(index, columns=[*_TEXTS, *_SCENARIO], use_threads=False)
         text = {name: str(_constant(labels, name, index)) for name in _TEXTS}
         if (runs is not None and text["run"] not in runs) or (sets is not None and text["set"] not in sets):
             continue
-        slope, mass, torque, horizon = (float(_constant(labels, name, index)) for name in _SCENARIO)
+        changing = {name: _each_row(labels, name, index) for name in _MAY_CHANGE if not _is_constant(labels, name)}
+        slope, mass, torque, horizon = (
+            float(changing[name][0] if name in changing else _constant(labels, name, index)) for name in _SCENARIO
+        )
         table = file.read_row_group(index, columns=wanted, use_threads=False)
         arrays = {name: _floats(table.column(name), name, text["run"]) for name in wanted}
         kept = {name: array for name, array in arrays.items() if array is not None}
-        yield Run(text["run"], text["set"], slope, mass, torque, horizon, kept)
+        yield Run(text["run"], text["set"], slope, mass, torque, horizon, kept | changing)
+
+
+def _is_constant(labels: pa.Table, name: str) -> bool:
+    return len(labels.column(name).unique()) == 1
+
+
+def _each_row(labels: pa.Table, name: str, index: int) -> Array:
+    """A column of the scenario that changes within a run."""
+    column = labels.column(name)
+    if column.null_count:
+        raise DatasetError(f"{name} of row group {index} has {column.null_count} empty values, expected none")
+    return np.asarray(column.to_numpy(), dtype=np.float64)
 
 
 def _constant(labels: pa.Table, name: str, index: int) -> str | float:

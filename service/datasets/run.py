@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from service.datasets.columns import BY_NAME, COLUMNS, REQUIRED
+from service.datasets.columns import BY_NAME, COLUMNS, INPUTS, REQUIRED
 from service.datasets.passport import Passport
 from service.errors import InvalidValueError
 
@@ -26,8 +26,12 @@ class Run:
     """One simulation: its scenario, in borders' units, and its columns, each float64 (time,), read-only.
 
     Columns have canonical names and units (see `columns`) and stand in canonical order; time_s, rear_x_m and
-    rear_y_m are always there. Raises InvalidValueError for unknown or missing columns, different lengths,
-    values that are not finite and times that do not increase.
+    rear_y_m are always there. `slope_deg`, `torque_nm` and `brake` are there only if they change (`brake`: if it is
+    ever on): the scenario's slope and torque are then those of the first row, and `varies` names the columns. A
+    column that does not change, at its stored digits, is dropped, since the scenario says the same.
+
+    Raises InvalidValueError for unknown or missing columns, different lengths, values that are not finite, times that
+    do not increase, and a slope or torque that is not the one of the first row.
     """
 
     name: str
@@ -47,6 +51,7 @@ class Run:
         if not np.isfinite(self.scenario).all():
             raise InvalidValueError(f"scenario of run {self.name}", self.scenario, "finite numbers")
         kept = {c.name: self._column(c.name) for c in COLUMNS if c.name in self.columns}
+        kept = {name: column for name, column in kept.items() if name not in INPUTS or self._changes(name, column)}
         object.__setattr__(self, "columns", MappingProxyType(kept))
         if not (np.diff(self.time_s) > 0).all():
             raise InvalidValueError(f"time_s of run {self.name}", "not increasing", "strictly increasing times")
@@ -61,6 +66,14 @@ class Run:
             raise InvalidValueError(f"{name} of run {self.name}", "nan or inf", "finite numbers")
         column.flags.writeable = False
         return column
+
+    def _changes(self, name: str, column: Array) -> bool:
+        """Whether an input says more than the scenario does."""
+        start = 0.0 if name == "brake" else float(getattr(self, name))
+        stored = np.rint(column * BY_NAME[name].scale)
+        if name != "brake" and abs(stored[0] - start * BY_NAME[name].scale) > 1.0:
+            raise InvalidValueError(f"{name} of run {self.name}", start, f"that of its first row, {column[0]:g}")
+        return bool((stored != (0.0 if name == "brake" else stored[0])).any())
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -84,6 +97,20 @@ class Run:
     def scenario(self) -> tuple[float, float, float, float]:
         """(slope_deg, mass_kg, torque_nm, horizon_s)."""
         return self.slope_deg, self.mass_kg, self.torque_nm, self.horizon_s
+
+    @property
+    def varies(self) -> tuple[str, ...]:
+        """Which of slope_deg, torque_nm and brake change within the run."""
+        return tuple(name for name in INPUTS if name in self.columns)
+
+    def acting(self, name: str) -> Array:
+        """slope_deg, torque_nm or brake at each row (time,), whether it changes or not."""
+        constant = 0.0 if name == "brake" else float(getattr(self, name))
+        return self.columns[name] if name in self.columns else np.full(len(self), constant)
+
+    def rows(self, selection: npt.NDArray[np.intp]) -> Run:
+        """The same run with only the selected rows, which include the first."""
+        return replace(self, columns={name: column[selection] for name, column in self.columns.items()})
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,10 +14,10 @@ from service.errors import DatasetError
 
 @dataclass(frozen=True, slots=True)
 class RunLabel:
-    """One run of a dataset."""
+    """One run of a dataset; `slope_deg` is None where the slope changes within the run."""
 
     name: str
-    slope_deg: float
+    slope_deg: float | None
 
 
 def read_run_labels(data: bytes) -> tuple[RunLabel, ...]:
@@ -30,10 +30,16 @@ def read_run_labels(data: bytes) -> tuple[RunLabel, ...]:
         names = meta.schema.names
         run, slope = names.index("run"), names.index("slope_deg")
         groups = [meta.row_group(index) for index in range(meta.num_row_groups)]
-        # + 0.0: the statistics of a zero are minus zero
-        return tuple(RunLabel(str(_only(group, run)), float(_only(group, slope)) + 0.0) for group in groups)
+        return tuple(RunLabel(str(_only(group, run)), _slope(group, slope)) for group in groups)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise DatasetError(f"not a readable Parquet file of runs: {error}") from error
+
+
+def _slope(group: pq.RowGroupMetaData, column: int) -> float | None:
+    found = group.column(column).statistics
+    if found is not None and found.has_min_max and found.min != found.max:
+        return None
+    return float(_only(group, column)) + 0.0  # the statistics of a zero are minus zero
 
 
 def _only(group: pq.RowGroupMetaData, column: int) -> Any:  # noqa: ANN401 - a text or a number

@@ -23,18 +23,18 @@ SCENARIO_LIMITS: dict[str, tuple[float, float, str, float]] = {
     "torque_nm": (0.0, 10_000.0, "newton millimetres", 1000.0),
     "horizon_s": (1e-3, 600.0, "milliseconds", 1000.0),
 }
-_REQUIRED = ("file", "slope_deg", "mass_kg", "torque_nm")
+_REQUIRED = ("file", "mass_kg")
 
 
 @dataclass(frozen=True, slots=True)
 class RunEntry:
-    """One line of runs.csv. `horizon_s` and `step_s` are None when the table does not have them."""
+    """One line of runs.csv. What the table does not have is None; slope and torque may stand in the run's own rows."""
 
     file: str
     set_name: str
-    slope_deg: float
+    slope_deg: float | None
     mass_kg: float
-    torque_nm: float
+    torque_nm: float | None
     horizon_s: float | None
     step_s: float | None
     line: int
@@ -76,7 +76,8 @@ def _split(text: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
     if missing:
         raise DatasetError(
             f"{FILE} has no column {', '.join(missing)}; its header is {header}, "
-            "expected file,set,slope_deg,mass_kg,torque_nm,horizon_s"
+            "expected file,set,slope_deg,mass_kg,torque_nm,horizon_s (slope_deg and torque_nm not where each row has "
+            "them)"
         )
     if not 1 <= len(rows) - 1 <= MAX_RUNS:
         raise DatasetError(f"{FILE} lists {len(rows) - 1} runs, allowed are 1..{MAX_RUNS}")
@@ -94,7 +95,7 @@ def _entry(cells: dict[str, str], line: int) -> tuple[RunEntry | None, list[Find
         message = f"{file!r} is not a relative path inside the dataset's folder"
         findings.append(reject(FILE, Code.UNSAFE_PATH, message, row=line, column="file"))
     slope, mass, torque = numbers["slope_deg"], numbers["mass_kg"], numbers["torque_nm"]
-    if findings or slope is None or mass is None or torque is None:
+    if findings or mass is None:
         return None, findings
     set_name = cells.get("set") or "default"
     return RunEntry(file, set_name, slope, mass, torque, numbers["horizon_s"], numbers["step_s"], line), []

@@ -15,7 +15,15 @@ from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
 from service.errors import DatasetError, InvalidValueError, TrainingError
 from service.learning.network.fit_config import FitConfig
 from service.learning.split import SLOPE_TOLERANCE_DEG, is_among
-from service.training.config import FEWEST_RUNS, ArchitectureName, InputName, PriorName, TrainingConfig, XForm
+from service.training.config import (
+    FEWEST_RUNS,
+    TAKES_VARYING_RUNS,
+    ArchitectureName,
+    InputName,
+    PriorName,
+    TrainingConfig,
+    XForm,
+)
 from service.training.stored_dataset import RUNS_FILE
 
 if TYPE_CHECKING:
@@ -116,9 +124,9 @@ class TrainingJobRequest(_Asked):
 def check_request(store: ModelStore, request: TrainingJobRequest) -> TrainingJobRequest:
     """The request with whole dataset ids, once nothing is known that would make it fail. Decodes no samples.
 
-    Raises InvalidValueError naming the field for a dataset that is not there, comes twice, shares a run with another
-    or whose passport does not fit the others, and for a split that names a slope of no run or leaves too few; and what
-    the store raises.
+    Raises InvalidValueError naming the field for a dataset that is not there, comes twice, shares a run with another,
+    whose passport does not fit the others or whose runs the architecture does not take, and for a split that names a
+    slope of no run or leaves too few; and what the store raises.
     """
     records = [store.dataset(reference) for reference in request.datasets]
     ids = [record.id for record in records]
@@ -126,12 +134,14 @@ def check_request(store: ModelStore, request: TrainingJobRequest) -> TrainingJob
     if twice:
         raise InvalidValueError("datasets", twice, "each dataset once")
     _require_agreement(store, records)
+    if request.architecture not in TAKES_VARYING_RUNS:
+        _require_constant(records)
     runs = _runs_of(store, records, request)
     if runs is None:
         _require_likely_runs(records, request)
     else:
         _require_distinct(records, runs)
-        _require_split([run.slope_deg for run in runs], request)
+        _require_split([math.nan if run.slope_deg is None else run.slope_deg for run in runs], request)
     return request.model_copy(update={"datasets": tuple(ids)})
 
 
@@ -144,6 +154,16 @@ def _require_agreement(store: ModelStore, records: Sequence[DatasetRecord]) -> N
     except (DatasetError, TrainingError) as error:
         names = [record.name for record in records]
         raise InvalidValueError("datasets", names, f"datasets of one rover on one regolith: {error}") from error
+
+
+def _require_constant(records: Sequence[DatasetRecord]) -> None:
+    """As the worker will, by what the records' summaries say."""
+    for record in records:
+        varying = record.summary.get("varying_runs")
+        if isinstance(varying, dict) and varying:
+            runs = ", ".join(list(varying)[:_NAMED])
+            allowed = f"datasets of runs with constant slope and torque; in {record.name} they change (runs {runs})"
+            raise InvalidValueError("datasets", record.name, allowed)
 
 
 def _passport(store: ModelStore, record: DatasetRecord) -> Passport:
@@ -179,11 +199,13 @@ def _require_distinct(records: Sequence[DatasetRecord], runs: Sequence[RunLabel]
 
 
 def _require_split(slopes: Sequence[float], request: TrainingJobRequest) -> None:
-    """As `service.learning.split` will divide the runs."""
+    """As `service.learning.split` will divide the runs; a slope that changes is nan."""
     asked = request.split.test_slopes_deg
     for slope in asked:
         if not is_among(slope, slopes):
-            there = sorted({round(each, 6) for each in slopes}, key=lambda each: abs(each - slope))[:_NAMED]
+            there = sorted(
+                {round(each, 6) for each in slopes if math.isfinite(each)}, key=lambda each: abs(each - slope)
+            )[:_NAMED]
             nearest = ", ".join(f"{each:g}" for each in sorted(there))
             raise InvalidValueError("split.test_slopes_deg", slope, f"slopes of runs; nearest are {nearest}")
     others = sum(not is_among(each, asked) for each in slopes)

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from service.learning.observed import ObservedRun
+from service.learning.observed import ObservedRun, require_constant
 from service.physics.parameters import RegolithParameters, RoverParameters
 from service.physics.prior import Prior
 from service.physics.wheel_speed import motion_resistance_at
@@ -19,10 +19,11 @@ def calibrate_prior(prior: P, runs: Sequence[ObservedRun]) -> P:
     """The prior with the coefficient that brings x closest to the runs, in least squares, each run weighing the same.
 
     Positions are affine in the coefficient, x(c) = x(0) + c b, so that c = <x_run - x(0), b> / <b, b>.
-    Raises ValueError without runs.
+    Raises ValueError without runs, TrainingError for runs whose slope, torque or brake change.
     """
     if not runs:
         raise ValueError("a prior cannot be calibrated without runs")
+    require_constant(runs)
     without, unit = prior.with_coefficient(0.0), prior.with_coefficient(1.0)
     numerator = denominator = 0.0
     for run in runs:

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from service.learning.observed import ObservedRun
+from service.learning.observed import ObservedRun, require_constant
 from service.learning.trajectory_model import TrajectoryModel
 from service.physics.prior import Prior
 from service.physics.scenario import Positions
@@ -62,7 +62,10 @@ class RunEvaluation:
 
 
 def evaluate(model: TrajectoryModel, runs: Sequence[ObservedRun]) -> list[RunEvaluation]:
-    """Errors of the model on each run, at the run's own times."""
+    """Errors of the model on each run, at the run's own times. Raises TrainingError for runs whose slope, torque or
+    brake change.
+    """
+    require_constant(runs)
     return [_evaluate_run(model.prior, run, model.positions(run.scenario, run.time_s)) for run in runs]
 
 

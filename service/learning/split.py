@@ -7,6 +7,7 @@ says when to stop, not how good the model is; only test runs say that.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -35,14 +36,16 @@ def is_among(slope_deg: float, slopes_deg: Iterable[float]) -> bool:
 def split_runs(
     runs: Sequence[ObservedRun], *, test_slopes_deg: Sequence[float] = (), test_fraction: float = 0.0, seed: int = 1
 ) -> Split:
-    """Leave out every run at the given slopes, and then a random fraction of the others.
+    """Leave out every run at the given slopes, and then a random fraction of the others. A run whose slope changes is
+    at no slope.
 
     Raises TrainingError when a slope matches no run or nothing would be left to train on.
     """
+    slopes = [math.nan if run.controls.slope_angle_rad is not None else run.slope_deg for run in runs]
     for slope in test_slopes_deg:
-        if not is_among(slope, [run.slope_deg for run in runs]):
+        if not is_among(slope, slopes):
             raise TrainingError(f"no run has slope_deg {slope:g}, so it cannot be kept for testing")
-    kept_apart = [is_among(run.slope_deg, test_slopes_deg) for run in runs]
+    kept_apart = [is_among(slope, test_slopes_deg) for slope in slopes]
     others = [index for index, out in enumerate(kept_apart) if not out]
     drawn = np.random.default_rng(seed).permutation(others)[: round(test_fraction * len(others))]
     test = {index for index, out in enumerate(kept_apart) if out} | {int(index) for index in drawn}

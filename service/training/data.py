@@ -12,7 +12,7 @@ import numpy as np
 from model_store import DatasetRecord, ModelStore
 from service.datasets import Passport, Run, read_parquet
 from service.errors import TrainingError
-from service.learning.observed import ObservedRun
+from service.learning.observed import Controls, ObservedRun
 from service.physics.parameters import LUNAR_REGOLITH, VIPER, RegolithParameters, RoverParameters
 from service.physics.scenario import Scenarios
 from service.training.stored_dataset import RUNS_FILE
@@ -105,4 +105,14 @@ def _observed(run: Run) -> ObservedRun:
         rear_wheel_speed_rad_s=run.columns.get("rear_omega_radps"),
         front_wheel_speed_rad_s=run.columns.get("front_omega_radps"),
         body_speed_m_s=run.columns.get("speed_mps"),
+        controls=_controls(run),
+    )
+
+
+def _controls(run: Run) -> Controls:
+    slope_deg, brake = run.columns.get("slope_deg"), run.columns.get("brake")
+    return Controls(
+        slope_angle_rad=None if slope_deg is None else np.radians(slope_deg),
+        torque_nm=run.columns.get("torque_nm"),
+        brake=None if brake is None else brake > 0,
     )

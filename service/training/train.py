@@ -17,13 +17,13 @@ from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
 from service.learning.evaluate import RunEvaluation, describe_evaluation, evaluate, evaluate_positions, summarise
 from service.learning.network.fit import FitOutcome
-from service.learning.observed import ObservedRun
+from service.learning.observed import ObservedRun, require_constant
 from service.learning.split import Split, split_runs
 from service.learning.trajectory_model import TrajectoryModel
 from service.physics.priors import make_prior
 from service.physics.scenario import Positions
 from service.training.architectures import Announce, Fitted, Prepared
-from service.training.config import TrainingConfig
+from service.training.config import TAKES_VARYING_RUNS, TrainingConfig
 from service.training.data import TrainingData, load_training_data
 from service.training.evidence import TRAIN_REPORT
 from service.training.provenance import code_version, library_versions
@@ -56,6 +56,8 @@ def prepare(store: ModelStore, config: TrainingConfig, announce: Announce) -> Pr
     """Load and split the datasets. Deterministic. Raises TrainingError and what the store and the datasets raise."""
     announce("loading datasets")
     data = load_training_data(store, config.datasets)
+    if config.architecture not in TAKES_VARYING_RUNS:
+        require_constant(data.runs)
     split = split_runs(
         data.runs, test_slopes_deg=config.test_slopes_deg, test_fraction=config.test_fraction, seed=config.fit.seed
     )

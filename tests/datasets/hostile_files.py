@@ -226,11 +226,6 @@ def long_csv(**changed):
     return "\n".join([",".join(every), *(",".join(map(str, row)) for row in rows)]).encode()
 
 
-def varying(name, value, count=41):
-    first = {"slope_deg": 20.0, "mass_kg": 430.0, "torque_nm": 60.0}[name]
-    return [first] * (count - 1) + [value]
-
-
 def parquet(columns, **options):
     sink = io.BytesIO()
     pq.write_table(pa.table(columns), sink, **options)
@@ -429,8 +424,13 @@ TEXTS = [
                 form=SCENARIO | {"passport": {"format": 1}}),
 ]  # fmt: skip
 TABLES = [
-    HostileFile("long: scenario changes within a run",
-                lambda: long_csv(slope_deg=varying("slope_deg", 25.0)), "scenario-varies", **_LONG),
+    HostileFile("long: mass changes within a run",
+                lambda: long_csv(mass_kg=[430.0] * 20 + [431.0] * 21), "scenario-varies", **_LONG),
+    HostileFile("long: slope changes to 80", lambda: long_csv(slope_deg=[20.0] * 20 + [80.0] * 21), "out-of-range",
+                **_LONG),
+    HostileFile("long: torque changes to -1", lambda: long_csv(torque_nm=[60.0] * 20 + [-1.0] * 21), "out-of-range",
+                **_LONG),
+    HostileFile("long: half a brake", lambda: long_csv(brake=[0.0] * 20 + [0.5] * 21), "out-of-range", **_LONG),
     HostileFile("long: word as mass", lambda: long_csv(mass_kg=["heavy"] * 41), "not-a-number", **_LONG),
     HostileFile("long: ragged", lambda: long_csv() + b"\none,20", "ragged-row", **_LONG),
     HostileFile("long: slope of 80", lambda: long_csv(slope_deg=[80.0] * 41), "scenario-range", **_LONG),

@@ -29,6 +29,10 @@ class Candidate:
         """Times (time,), s, as read: not yet known to increase."""
         return self.columns["time_s"]
 
+    def acting(self, name: str) -> Array:
+        """slope_deg or torque_nm at each row (time,): of the rows, else of the run's entry, which then has it."""
+        return self.columns[name] if name in self.columns else np.full(len(self.time_s), getattr(self.entry, name))
+
     def reject(self, code: Code, message: str, *, at: int | None = None, column: str | None = None) -> Finding:
         """A rejection at row index `at` (reported as the file's own line)."""
         return reject(self.entry.file, code, message, row=self._line(at), column=column)

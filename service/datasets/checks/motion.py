@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -43,20 +42,25 @@ def origin(run: Candidate) -> Iterator[Finding]:
     yield say(Code.START_POSITION, message, at=0, column="rear_x_m")
 
 
-def fastest_m_s(passport: Passport, slope_deg: float, time_s: Array) -> Array:
-    """Speed that no wheel centre exceeds, (time,), m/s.
+def fastest_m_s(passport: Passport, slope_deg: float | Array, time_s: Array) -> Array:
+    """Speed that no wheel centre exceeds, (time,), m/s; `slope_deg` is a number or (time,).
 
     A motor drives only below its no-load speed omega_0, so traction brings a rover to R_w omega_0 at most
     (R_w: wheel radius). Beyond that only gravity accelerates it, by at most g |sin(slope)| for as long as it
-    slides without any friction. Hence |v(t)| <= margin R_w omega_0 + g |sin(slope)| t. Where the passport has
-    no no-load speed, 10 m/s stands for the first term: no rover on regolith is that fast.
+    slides without any friction. Hence |v(t)| <= margin R_w omega_0 + g times the integral of |sin(slope)| from 0 to t,
+    whatever torque and brake do. Where the passport has no no-load speed, 10 m/s stands for the first term: no rover
+    on regolith is that fast.
     """
     drive = passport.drive
     if drive is None or drive.no_load_speed_rad_s is None:
         driven = 10.0
     else:
         driven = NO_LOAD_MARGIN * passport.rover.wheel_radius_m * drive.no_load_speed_rad_s
-    return driven + passport.gravity_m_s2 * abs(math.sin(math.radians(slope_deg))) * time_s
+    steep = np.abs(np.sin(np.radians(np.broadcast_to(slope_deg, np.shape(time_s)))))
+    # of two neighbours the steeper one: the slope may change anywhere between two rows
+    steeper = np.maximum(steep, np.concatenate([steep[:1], steep[:-1]]))
+    pulled: Array = np.cumsum(steeper * np.diff(time_s, prepend=0.0))
+    return driven + passport.gravity_m_s2 * pulled
 
 
 def jumps(run: Candidate) -> Iterator[Finding]:
@@ -66,7 +70,7 @@ def jumps(run: Candidate) -> Iterator[Finding]:
     neighbours is known to 1e-5 of the largest position: that much is allowed on top.
     """
     steps = np.diff(run.time_s)
-    limit = fastest_m_s(run.passport, run.entry.slope_deg, run.time_s[1:])
+    limit = fastest_m_s(run.passport, run.acting("slope_deg"), run.time_s)[1:]
     for name in ("rear_x_m", "rear_y_m", "front_x_m", "front_y_m"):
         if name not in run.columns:
             continue

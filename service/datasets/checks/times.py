@@ -14,6 +14,9 @@ from service.datasets.findings import MAX_LOCATED, Code, Finding
 MIN_ROWS = 10
 """Fewer rows cannot show a start, a climb and an end."""
 
+MOST_STEPS = 10
+"""Chrono programs write every step or every few of them; more apart is another column or unit."""
+
 GAP_FACTOR = 5.0
 """A step longer than this many median steps is a hole; solvers with variable step vary less between neighbours."""
 
@@ -69,11 +72,18 @@ def horizon(run: Candidate) -> Iterator[Finding]:
 
 
 def step(run: Candidate) -> Iterator[Finding]:
-    """The median step is the `step_s` of runs.csv, where it is given."""
+    """The median step is the `step_s` of runs.csv, where it is given, or up to ten of it: every n-th row is kept."""
     declared, median = run.entry.step_s, float(np.median(np.diff(run.time_s)))
-    if declared is not None and not 0.99 * declared <= median <= 1.01 * declared:
-        message = f"median step is {median:g} s, runs.csv says step_s {declared:g}"
+    if declared is not None and not _is_multiple(median, declared):
+        message = (
+            f"median step is {median:g} s, runs.csv says step_s {declared:g}, allowed are 1 to {MOST_STEPS} of that"
+        )
         yield run.warn(Code.STEP, message, column="time_s")
+
+
+def _is_multiple(step_s: float, of_s: float) -> bool:
+    times = round(step_s / of_s) if of_s > 0 else 0
+    return 1 <= times <= MOST_STEPS and abs(step_s - times * of_s) <= 0.01 * times * of_s
 
 
 def gaps(run: Candidate) -> Iterator[Finding]:

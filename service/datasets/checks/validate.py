@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
+import numpy as np
+
 from service.datasets.checks import motion, times, values
 from service.datasets.checks.candidate import Candidate
-from service.datasets.digest import content_digest
+from service.datasets.digest import content_digest, stored_integers
 from service.datasets.findings import Code, Finding, reject, warn
 from service.datasets.passport import PASSPORT_FILE, Passport
 from service.datasets.run import Run
@@ -17,9 +19,9 @@ Check = Callable[[Candidate], Iterator[Finding]]
 
 # Each stage relies on the ones before: differences of nan or of unordered times say nothing.
 _STAGES: tuple[tuple[Check, ...], ...] = (
-    (values.finite, times.rows),
+    (values.finite, values.told, times.rows),
     (values.units,),
-    (values.ranges, times.increasing),
+    (values.ranges, values.brake, values.agreement, times.increasing),
     (times.start, times.horizon, times.step, times.gaps),
     (motion.origin, motion.jumps, motion.speed, motion.wheel_band),
 )
@@ -52,9 +54,10 @@ def check_entries(entries: Sequence[RunEntry]) -> Iterator[Finding]:
             message = f"{entry.file} is already listed in line {first_line[entry.file]}"
             yield reject(RUN_TABLE, Code.DUPLICATE_ENTRY, message, row=entry.line, column="file")
         first_line.setdefault(entry.file, entry.line)
-    suspicion = radians_suspected([entry.slope_deg for entry in entries])
+    slopes = [entry.slope_deg for entry in entries if entry.slope_deg is not None]
+    suspicion = radians_suspected(slopes)
     if suspicion is not None:
-        shown = ", ".join(f"{entry.slope_deg:g}" for entry in entries[:4])
+        shown = ", ".join(f"{slope:g}" for slope in slopes[:4])
         message = f"slopes ({shown}) all lie within 0.79: looks like radians, expected degrees"
         say = reject if suspicion is Code.UNITS else warn
         yield say(RUN_TABLE, suspicion, message, column="slope_deg")
@@ -68,19 +71,36 @@ def check_duplicates(runs: Iterable[tuple[str, Run]]) -> Iterator[Finding]:
     repetition with another time step is legitimate, but weighs twice in training.
     """
     by_content: dict[str, tuple[str, Run]] = {}
-    by_scenario: dict[tuple[float, ...], str] = {}
+    by_scenario: dict[tuple[object, ...], str] = {}
     for file, run in runs:
         digest = content_digest(run)
         if digest in by_content:
             other_file, other = by_content[digest]
-            same = other.scenario == run.scenario
+            same = _told(other) == _told(run)
             message = "the same trajectory as {}" + ("" if same else ", but for another scenario: which one is it?")
             yield reject(file, Code.DUPLICATE_CONTENT, message.format(other_file))
             if not same:
                 yield reject(other_file, Code.DUPLICATE_CONTENT, message.format(file))
             continue
         by_content[digest] = (file, run)
-        if run.scenario in by_scenario:
-            message = f"the same scenario as {by_scenario[run.scenario]}, with another trajectory"
+        scenario = _told(run)
+        if scenario in by_scenario:
+            message = f"the same scenario as {by_scenario[scenario]}, with another trajectory"
             yield warn(file, Code.DUPLICATE_SCENARIO, message)
-        by_scenario.setdefault(run.scenario, file)
+        by_scenario.setdefault(scenario, file)
+
+
+def _told(run: Run) -> tuple[object, ...]:
+    """Everything that a run was told: its scenario, and each row of what changes."""
+    return (*run.scenario, *((name, stored_integers(run, name).tobytes()) for name in run.varies))
+
+
+def check_slopes(runs: Iterable[tuple[str, Run]]) -> Iterator[Finding]:
+    """Slopes that change, over all rows of all such runs: a word where they may be radians."""
+    highest = [(file, float(np.abs(run.columns["slope_deg"]).max())) for file, run in runs if "slope_deg" in run.varies]
+    if len(highest) > 1 and radians_suspected([slope for _, slope in highest]) is not None:
+        file, slope = max(highest, key=lambda each: each[1])
+        message = (
+            f"slopes that change stay within {slope:g} in all {len(highest)} runs that have them: degrees are expected"
+        )
+        yield warn(file, Code.SCENARIO_RANGE, message, column="slope_deg")

@@ -9,7 +9,9 @@ import numpy as np
 from service.datasets.checks.candidate import Candidate
 from service.datasets.columns import BY_NAME
 from service.datasets.findings import Code, Finding
+from service.datasets.run_table import FILE as RUN_TABLE
 
+_OTHERWISE = {"torque_nm": "locked wheels are a column brake with 1, and motors that are off have 0"}
 _LENGTH_UNITS = {"millimetres": 1000.0, "centimetres": 100.0}
 
 
@@ -20,6 +22,14 @@ def finite(run: Candidate) -> Iterator[Finding]:
         if len(bad):
             message = f"{column[bad[0]]} is not finite ({len(bad)} of {len(column)} rows)"
             yield run.reject(Code.NON_FINITE, message, at=int(bad[0]), column=name)
+
+
+def told(run: Candidate) -> Iterator[Finding]:
+    """Slope and torque are told by the run's entry or by its rows."""
+    for name in ("slope_deg", "torque_nm"):
+        if getattr(run.entry, name) is None and name not in run.columns:
+            message = f"neither {RUN_TABLE} (or the form) nor the rows of this file say it; write it into one of them"
+            yield run.reject(Code.SCENARIO_MISSING, message, column=name)
 
 
 def units(run: Candidate) -> Iterator[Finding]:
@@ -63,9 +73,38 @@ def ranges(run: Candidate) -> Iterator[Finding]:
     for name, column in run.columns.items():
         limits = BY_NAME[name]
         bad = np.flatnonzero((column < limits.lowest) | (column > limits.highest))
-        if len(bad):
+        if len(bad) and name != "brake":
             message = (
                 f"is {column[bad[0]]:g}, allowed is {limits.lowest:g}..{limits.highest:g} {limits.unit}: "
-                "another unit or another column?"
+                f"{_OTHERWISE.get(name, 'another unit or another column?')}"
             )
             yield run.reject(Code.OUT_OF_RANGE, message, at=int(bad[0]), column=name)
+
+
+def brake(run: Candidate) -> Iterator[Finding]:
+    """A brake is on or off."""
+    if "brake" not in run.columns:
+        return
+    column = run.columns["brake"]
+    bad = np.flatnonzero((column != 0) & (column != 1))
+    if len(bad):
+        message = (
+            f"is {column[bad[0]]:g} ({len(bad)} such rows), allowed is 1 (motors off, wheels locked) or 0: "
+            "another column?"
+        )
+        yield run.reject(Code.OUT_OF_RANGE, message, at=int(bad[0]), column="brake")
+
+
+def agreement(run: Candidate) -> Iterator[Finding]:
+    """Slope and torque that the run's entry tells are those of the first row."""
+    for name in ("slope_deg", "torque_nm"):
+        declared = getattr(run.entry, name)
+        if declared is None or name not in run.columns:
+            continue
+        first = float(run.columns[name][0])
+        if abs(first - declared) * BY_NAME[name].scale > 1.0:
+            message = (
+                f"is {first:g} in the first row, but {declared:g} in {RUN_TABLE} or the form: give one of them, or "
+                "rename this column if it is something else"
+            )
+            yield run.reject(Code.SCENARIO_VARIES, message, at=0, column=name)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePosixPath
@@ -15,6 +16,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from service.datasets.checks.validate import check_entries, check_passport
+from service.datasets.columns import canonical_name
 from service.datasets.default_passport import VIPER_ON_LUNAR_REGOLITH
 from service.datasets.file_names import upload_name
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
@@ -25,7 +27,7 @@ from service.datasets.readers.chrono_text import TextTable, header_names, parse_
 from service.datasets.readers.column_map import ColumnMap, resolve
 from service.datasets.readers.folder import read_listed
 from service.datasets.readers.foreign_parquet import declares_our_format, read_foreign_parquet
-from service.datasets.readers.long_table import REQUIRED_LABELS, LongTable, is_long, take_runs
+from service.datasets.readers.long_table import MAY_CHANGE, REQUIRED_LABELS, LongTable, is_long, take_runs
 from service.datasets.readers.long_text import parse_long_text, row_width
 from service.datasets.readers.sniff import HEAD_BYTES, Kind, foreign_name, kind_of
 from service.datasets.report import ValidationReport, refused
@@ -207,10 +209,19 @@ class _UploadReader:
         table = long.table
         given = self.form.scenario()
         if long.numbers or long.texts:
-            time_s = table.columns[resolve(table.names, len(table.columns), mapping, file=file).indices["time_s"]]
-            offered = take_runs(intake, long, time_s, file=file, given=given, set_name=self.form.set_name)
+            found = resolve(table.names, len(table.columns), mapping, file=file)
+            offered = take_runs(
+                intake,
+                long,
+                table.columns[found.indices["time_s"]],
+                file=file,
+                given=given,
+                set_name=self.form.set_name,
+                zero_start=found.zero_start,
+            )
         else:
-            entry = _only_entry(file, given, self.form)
+            by_rows = {*(mapping.sources if mapping else ()), *map(canonical_name, passport.columns or ())}
+            entry = _only_entry(file, given, self.form, by_rows)
             intake.take(entry, _stem(file), lambda: table)
             offered = [file]
         return intake.conclude(self._name(file), offered, strict=self.form.strict)
@@ -265,20 +276,22 @@ def _stem(file: str) -> str:
     return name or os.fspath(file)
 
 
-def _only_entry(file: str, given: dict[str, float], form: UploadForm) -> RunEntry:
-    missing = [name for name in REQUIRED_LABELS if name not in given]
+def _only_entry(file: str, given: dict[str, float], form: UploadForm, by_rows: Collection[str | None]) -> RunEntry:
+    """`by_rows` are columns that the file has without a header that says so."""
+    missing = [name for name in REQUIRED_LABELS if name not in given and not (name in MAY_CHANGE and name in by_rows)]
     if missing:
         message = (
             "the file does not tell its scenario: give slope_deg, mass_kg and torque_nm as fields of the form, or as "
             "columns"
         )
         raise UnusableFileError([reject(file, Code.SCENARIO_MISSING, message, column=name) for name in missing])
-    slope, mass, torque = (given[name] for name in REQUIRED_LABELS)
-    return RunEntry(file, form.set_name, slope, mass, torque, given.get("horizon_s"), None, 1)
+    slope, torque, horizon = (given.get(name) for name in ("slope_deg", "torque_nm", "horizon_s"))
+    return RunEntry(file, form.set_name, slope, given["mass_kg"], torque, horizon, None, 1)
 
 
 def _entry_of(run: Run, file: str) -> RunEntry:
-    return RunEntry(f"{file}#{run.name}", run.set_name, *run.scenario, None, 1)
+    slope, torque = (None if name in run.varies else getattr(run, name) for name in MAY_CHANGE)
+    return RunEntry(f"{file}#{run.name}", run.set_name, slope, run.mass_kg, torque, run.horizon_s, None, 1)
 
 
 def _table_of(run: Run) -> TextTable:

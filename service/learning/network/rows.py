@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from service.learning.network.inputs import InputSignature
-from service.learning.observed import ObservedRun
+from service.learning.observed import ObservedRun, require_constant
 from service.physics.prior import Prior
 
 
@@ -36,10 +36,11 @@ class Rows:
 def rows_of(runs: Sequence[ObservedRun], prior: Prior, signature: InputSignature) -> Rows:
     """All samples of the runs, one row each, in order. Targets are run minus prior, metres.
 
-    Raises ValueError without runs.
+    Raises ValueError without runs, TrainingError for runs whose slope, torque or brake change.
     """
     if not runs:
         raise ValueError("rows need at least one run")
+    require_constant(runs)
     inputs, targets = [], []
     for run in runs:
         times = signature.time_column(run.time_s)[:, None]

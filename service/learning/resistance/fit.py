@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from service.learning.observed import ObservedRun, scenarios_of
+from service.learning.observed import ObservedRun, require_constant, scenarios_of
 from service.learning.resistance.curve_fit import fit_curves
 from service.learning.resistance.features import scaled_features, stall_gate
 from service.learning.resistance.hyperparameters import Hyperparameters
@@ -50,7 +50,7 @@ def fit_resistance_process(
     `check` is called every second or so, and may raise to stop the fit; so may `progress`.
     For the left-out predictions the hyperparameters and the traction curves (13 numbers) stay those of all runs.
     Raises ValueError for fewer than three runs, for too many, for names that repeat, for a motor without a no-load
-    speed, and for a prior of another rover or regolith.
+    speed, and for a prior of another rover or regolith, TrainingError for runs whose slope, torque or brake change.
     """
     hyper = hyper or Hyperparameters()
     _require_usable(runs, rover, regolith, prior)
@@ -100,6 +100,7 @@ def _require_usable(
         raise ValueError("no_load_speed_rad_s is infinite, a resistance process needs a finite one")
     if prior.rover != rover or prior.regolith != regolith:
         raise ValueError("the prior was made for another rover or regolith than the runs")
+    require_constant(runs)
 
 
 def _law(
