@@ -12,6 +12,7 @@ PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' && echo $$p && break; done)
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 CHRONO ?= ../shared/chrono
+CHRONO_DRIVES ?= ../shared/chrono-drives
 
 .PHONY: run test quick lint types sanitize bench e2e image openapi clients datasets model clean
 
@@ -51,8 +52,11 @@ openapi: $(VENV)/.dev ## refresh the OpenAPI document that a test compares
 clients: $(VENV)/.dev ## generate the synchronous Python client from the asynchronous one
 	@$(BIN)/python clients/python/generate_sync.py
 
-datasets: $(VENV)/.runtime ## rebuild the shipped datasets from the original Chrono output in $(CHRONO)
-	@for set in paper mass space; do $(BIN)/rover-twin datasets import $(CHRONO) --set $$set --name $$set --strict || exit 1; done
+datasets: $(VENV)/.runtime ## import those shipped datasets that the store lacks from the original Chrono output in $(CHRONO) and $(CHRONO_DRIVES)
+	@import() { $(BIN)/rover-twin datasets show $$2 >/dev/null 2>&1 || $(BIN)/rover-twin datasets import $$1 --set $$2 --name $$2 --strict $$3; }; \
+	for set in paper mass space; do import $(CHRONO) $$set || exit 1; done; \
+	for set in long stall threshold edge; do import $(CHRONO) $$set "--step-s 0.005" || exit 1; done; \
+	for set in steps drive kink; do import $(CHRONO_DRIVES) $$set "--step-s 0.005" || exit 1; done
 
 model: $(VENV)/.runtime ## train the shipped models from the shipped datasets (three minutes) as their next versions
 	@$(BIN)/rover-twin train --model viper-lunar --dataset paper --dataset mass --dataset space \

@@ -9,9 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from model_store import DatasetDraft, DatasetRecord, ModelStore
-from service.datasets import Dataset, ValidationReport, dataset_id, read_folder, read_parquet, to_parquet
+from service.datasets import Dataset, ValidationReport, dataset_id, read_folder, read_parquet, summarise, to_parquet
 from service.datasets.intake import Progress
 from service.datasets.passport import PASSPORT_FILE
+from service.datasets.thinning import thinned
 from service.datasets.uploads.upload import read_upload
 from service.datasets.uploads.upload_form import UploadForm, UploadLimits
 from service.errors import DatasetError
@@ -30,14 +31,19 @@ def import_folder(
     sets: Collection[str] | None = None,
     strict: bool = False,
     column_map: str | Mapping[str, str | int] | None = None,
+    step_s: float | None = None,
     progress: Progress | None = None,
 ) -> tuple[DatasetRecord, ValidationReport]:
     """Read, validate and publish the runs of a folder; the same runs twice are the same dataset.
 
     Values are rounded to the digits that `service.datasets.columns` states (0.1 micrometre for positions); no sample
-    is rejected. Raises what `read_folder` and `ModelStore.put_dataset` raise.
+    is rejected. With `step_s` at most one row per so many seconds is kept, once all of them are checked (see
+    `service.datasets.thinning`). Raises what `read_folder`, `thinned` and `ModelStore.put_dataset` raise.
     """
     dataset, report = read_folder(folder, sets=sets, strict=strict, column_map=column_map, name=name, progress=progress)
+    if step_s is not None:
+        dataset = thinned(dataset, step_s)
+        report = replace(report, summary=summarise(dataset))
     record, _ = _publish(store, dataset, report, created_by, description)
     return record, report
 

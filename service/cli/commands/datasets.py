@@ -139,6 +139,14 @@ def import_runs(
     sets: Sets = None,
     strict: Strict = False,
     column_map: Columns = None,
+    step_s: Annotated[
+        float | None,
+        typer.Option(
+            "--step-s",
+            help="Keep at most one row per so many seconds, the last one, and those where torque or brake change. "
+            "Default: every row.",
+        ),
+    ] = None,
     description: Annotated[str, typer.Option(help="A sentence for people, kept with the dataset.")] = "",
     actor: options.Actor = None,
     store: options.Store = None,
@@ -152,6 +160,7 @@ def import_runs(
     Examples:
       rover-twin datasets import my-runs --name my-runs
       rover-twin datasets import my-runs --name steep --set space --strict --store my-store
+      rover-twin datasets import my-runs --name stall --set stall --step-s 0.005
     """
     from service.datasets import RejectedDatasetError
     from service.training.dataset_import import import_folder
@@ -168,6 +177,7 @@ def import_runs(
                 sets=sets,
                 strict=strict,
                 column_map=mapping,
+                step_s=step_s,
                 progress=progress,
             )
     except RejectedDatasetError as error:

@@ -42,6 +42,7 @@ def dataset_facts(record: DatasetRecord) -> Table:
         "runs": summary.get("runs"),
         "rows": summary.get("rows"),
         **{words: _span(summary.get(name)) for name, words in _SPANS.items()},
+        "changes underway": _varies(summary.get("varies")),
         "sets": ", ".join(f"{name} ({count})" for name, count in sets.items()) if isinstance(sets, dict) else None,
         "columns": ", ".join(map(str, columns)) if isinstance(columns, list) else None,
         "files": ", ".join(f"{path} ({entry.size_bytes} bytes)" for path, entry in record.files.items()),
@@ -50,6 +51,15 @@ def dataset_facts(record: DatasetRecord) -> Table:
     for what, value in facts.items():
         table.add_row(what, "-" if value in (None, "") else str(value))
     return table
+
+
+def _varies(counts: object) -> str | None:
+    """In how many runs what changes; None where nothing does."""
+    if not isinstance(counts, dict):
+        return None
+    words = {"slope_deg": "slope", "torque_nm": "torque", "brake": "brake"}
+    said = (f"{words[name]} in {count} runs" for name, count in counts.items() if count and name in words)
+    return ", ".join(said).replace(" 1 runs", " 1 run") or None
 
 
 def _span(span: object) -> str:
