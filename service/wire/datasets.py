@@ -32,7 +32,10 @@ class ReportAnswer(BaseModel):
     findings_count: int
     summary: Annotated[
         dict[str, Any] | None,
-        Field(description="Runs, rows, ranges, sampling and columns of what was accepted; null when nothing was."),
+        Field(
+            description="Runs, rows, ranges, sampling and columns of what was accepted, and which runs vary "
+            "(`varies`, `varying_runs`); null when nothing was."
+        ),
     ]
 
 

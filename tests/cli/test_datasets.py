@@ -66,6 +66,25 @@ def test_validate_tells_and_stores_nothing(tmp_path):
     assert "non-finite" in call("datasets", "validate", bad).out
 
 
+def test_a_drive_goes_in_thinned_and_out_and_in_again(tmp_path):
+    folder, store = write_runs(tmp_path / "runs"), tmp_path / "store"
+    time = np.linspace(0.0, 10.0, 401)
+    columns = {"time_s": time, "rear_x_m": 0.1 * time, "rear_y_m": np.full(401, 0.24), "slope_deg": 5.0 + time / 10,
+               "torque_nm": np.where(time > 7.1, 0.0, 60.0), "brake": (time > 8).astype(float)}  # fmt: skip
+    rows = "\n".join(",".join(f"{value:.9g}" for value in row) for row in zip(*columns.values(), strict=True))
+    (folder / "drive.csv").write_text(f"{','.join(columns)}\n{rows}\n")
+    (folder / "runs.csv").write_text("file,set,mass_kg\ndrive.csv,drive,430\n")
+    words = ("--name", "drive", "--step-s", "0.1", "--store", store)
+    record = call("datasets", "import", folder, *words, "--json").json["dataset"]
+    assert record["summary"]["varies"] == {"slope_deg": 1, "torque_nm": 1, "brake": 1}
+    assert 101 <= record["summary"]["rows"] <= 103
+    assert "slope in 1 run, torque in 1 run, brake in 1 run" in call("datasets", "show", "drive", "--store", store).out
+    assert call("datasets", "preview", "drive", tmp_path / "drive.svg", "--store", store).code == 0
+    assert call("datasets", "export", "drive", tmp_path / "out", "--store", store).code == 0
+    again = call("datasets", "import", tmp_path / "out", "--name", "again", "--store", store, "--json").json["dataset"]
+    assert again["id"] == record["id"]
+
+
 @pytest.mark.parametrize(
     ("words", "code", "says"),
     [

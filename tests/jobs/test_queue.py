@@ -23,7 +23,7 @@ from service.errors import (
 from service.jobs.queue import JobQueue
 from service.jobs.request import Budget, SplitRequest, TrainingJobRequest, check_request
 from tests.fair_clock import fair_clock
-from tests.training.stored import put_dataset, stored_runs
+from tests.training.stored import put_dataset, stored_runs, varying_runs
 
 REQUEST = TrainingJobRequest(model="my-rover", datasets=("a" * 64,))
 
@@ -236,6 +236,13 @@ def test_what_cannot_work_is_refused_before_it_is_queued(store):
     with pytest.raises(DatasetNotFoundError):
         check_request(store, another(datasets=("gone",)))
     assert 77.0 not in slopes
+
+
+def test_runs_that_vary_are_refused_for_a_model_that_would_take_them_for_constant(store):
+    put_dataset(store, "drives", varying_runs())
+    names = [run.name for run in varying_runs() if run.varies]
+    with pytest.raises(InvalidValueError, match=f"constant slope and torque; in drives they change .*{names[0]}"):
+        check_request(store, another(datasets=("drives",)))
 
 
 def test_a_slope_that_no_run_has_is_refused_with_the_nearest_ones(store):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from model_store import DatasetDraft, ModelStore
 from service.datasets import Dataset, Run, dataset_id, parse_passport, to_parquet
 from service.datasets.passport import PASSPORT_FILE
@@ -51,3 +53,14 @@ def train_model(store: ModelStore, config: TrainingConfig, resume: FitState | No
 
 def _silent(_phase: str) -> None:
     pass
+
+
+def varying_runs() -> list[Run]:
+    """The same, with one that brakes and one whose slope and torque change."""
+    runs = stored_runs()
+    time_s = runs[0].time_s
+    later = (time_s > time_s[-1] / 2).astype(float)
+    runs[1] = replace(runs[1], columns={**runs[1].columns, "brake": later})
+    inputs = {"slope_deg": runs[2].slope_deg + later, "torque_nm": runs[2].torque_nm * (1 - later)}
+    runs[2] = replace(runs[2], columns={**runs[2].columns, **inputs})
+    return runs

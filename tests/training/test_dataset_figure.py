@@ -43,3 +43,19 @@ def test_one_run_and_very_many_are_drawn():
     assert len(preview_figure(dataset(1)).axes[0].collections[0].get_paths()) == 1
     assert len(preview_figure(dataset(MOST_RUNS + 50)).axes[0].collections[0].get_paths()) == MOST_RUNS
     assert len(preview(dataset(MOST_RUNS + 50))) < 1_000_000
+
+
+def test_a_slope_that_changes_changes_the_colour_and_torque_and_brake_are_marked():
+    steady = dataset(1).runs[0]
+    later = steady.time_s > 5
+    inputs = {"slope_deg": 20.0 + 5.0 * later, "torque_nm": np.where(later, 0.0, 60.0), "brake": later.astype(float)}
+    driven = Run("d", "a", 20.0, 500.0, 60.0, 10.0, {**steady.columns, **inputs})
+    curves, scenarios = preview_figure(Dataset("d", dataset(1).passport, (steady, driven))).axes[:2]
+    pieces = sorted((path.vertices[0][0], path.vertices[-1][0]) for path in curves.collections[0].get_paths())
+    bend = pieces[0][1]
+    assert bend == pytest.approx(5.0, abs=0.06)
+    assert pieces == [(0.0, bend), (0.0, 10.0), (bend, 10.0)]
+    assert len({tuple(colour) for colour in curves.collections[0].get_colors()}) == 2
+    np.testing.assert_allclose(scenarios.lines[0].get_ydata(), [0.0, 60.0])
+    np.testing.assert_allclose(scenarios.collections[1].get_offsets(), [[500.0, 60.0]])
+    assert "1 that change" in scenarios.get_title(loc="left")

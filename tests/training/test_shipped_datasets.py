@@ -24,6 +24,32 @@ def test_every_sample_is_there_and_the_id_is_its_content(name, runs, rows):
     assert [len(run) for run in dataset.runs] == [rows] * runs
 
 
+NEW = {"long": (10, 60_010), "stall": (12, 24_012), "threshold": (10, 20_010), "edge": (14, 28_014)}
+DRIVES = {"steps": (20, 73_020), "drive": (18, 72_018), "kink": (3, 12_003)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*NEW, *DRIVES])
+def test_the_later_sets_have_a_row_every_5_ms_and_the_id_is_their_content(name):
+    record = SHIPPED.dataset(name)
+    dataset = read_parquet(SHIPPED.read_dataset_file(record.id, RUNS_FILE))
+    assert dataset_id(dataset) == record.id
+    assert (len(dataset.runs), sum(map(len, dataset.runs))) == (NEW | DRIVES)[name]
+    for run in dataset.runs:
+        np.testing.assert_allclose(np.diff(run.time_s), 0.005, atol=1e-9)
+        assert bool(run.varies) == (name in DRIVES)
+    assert set(record.summary["varying_runs"]) == {run.name for run in dataset.runs if run.varies}
+
+
+@pytest.mark.slow
+def test_all_shipped_runs_are_one_simulation():
+    runs = load_training_data(SHIPPED, ["paper", "mass", "space", *NEW, *DRIVES]).runs
+    assert len(runs) == 80 + 46 + 41
+    assert sum(run.varies for run in runs) == 41
+    assert any(run.brakes.any() for run in runs)
+    assert min(run.torques_nm.min() for run in runs) == 0.0
+
+
 def test_a_number_of_the_original_output_is_kept_to_a_tenth_of_a_micrometre():
     # the last row that Chrono wrote for 28 deg: 10,1.24746444,0.222892914,...
     record = SHIPPED.dataset("paper")

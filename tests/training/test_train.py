@@ -13,9 +13,10 @@ from service.learning.network.fit_state import FitState
 from service.physics.scenario import Scenarios
 from service.training.architectures import begin_fit
 from service.training.config import TrainingConfig
+from service.training.data import load_training_data
 from service.training.train import prepare, publish_trained
 from service.twin.load import load_twin
-from tests.training.stored import put_dataset, stored_runs, train_model
+from tests.training.stored import put_dataset, stored_runs, train_model, varying_runs
 
 QUICK = FitConfig(seed=2, epochs=3, batch_rows=128, rows_per_epoch=512)
 CONFIG = TrainingConfig(model="unit", datasets=["unit"], test_slopes_deg=[20], test_fraction=0.2, fit=QUICK)
@@ -152,3 +153,27 @@ def test_a_config_that_cannot_be_names_the_field(field, value):
 
 def _rest(run):
     return run.set_name, run.slope_deg, run.mass_kg, run.torque_nm, run.horizon_s, run.columns
+
+
+@pytest.mark.parametrize("architecture", ["resistance_process", "paper_network", "zero"])
+def test_a_run_that_varies_is_never_taken_for_a_constant_one(store, architecture):
+    put_dataset(store, "drives", varying_runs())
+    names = [run.name for run in varying_runs() if run.varies]
+    config = CONFIG.model_copy(update={"datasets": ["drives"], "architecture": architecture})
+    with pytest.raises(TrainingError, match=f"change within {names[0]}, {names[1]}: this model takes only"):
+        published(store, config)
+
+
+def test_what_changes_in_a_run_comes_to_learning_row_by_row(store):
+    put_dataset(store, "drives", varying_runs())
+    steady, braked, driven = load_training_data(store, ["drives"]).runs[:3]
+    stored = varying_runs()[2]
+    assert (steady.varies, braked.varies, driven.varies) == (False, True, True)
+    assert steady.controls.slope_angle_rad is steady.controls.torque_nm is steady.controls.brake is None
+    np.testing.assert_array_equal(braked.brakes, braked.time_s > 2)
+    np.testing.assert_allclose(np.degrees(driven.slope_angle_rad), stored.columns["slope_deg"], atol=1e-7)
+    np.testing.assert_array_equal(driven.torques_nm, stored.columns["torque_nm"])
+    np.testing.assert_array_equal(steady.torques_nm, np.full(81, steady.torque_nm))
+    half = driven.samples(slice(None, None, 2))
+    np.testing.assert_array_equal(half.torques_nm, driven.torques_nm[::2])
+    assert (driven.slope_deg, driven.torque_nm) == (stored.slope_deg, stored.torque_nm)

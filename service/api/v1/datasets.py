@@ -128,6 +128,7 @@ Reference = Annotated[
 async def post_dataset(request: Request, response: Response, actor: Admin, services: TheServices) -> UploadAnswer:
     """Chrono runs as a zip or tar with `runs.csv` and `passport.json`, one long CSV, Parquet, or one plain file with
     its scenario in the form; any of them gzipped. As `multipart/form-data` with a part `file`, or as the raw body.
+    Slope, torque and brake that change within a run are columns `slope_deg`, `torque_nm` and `brake` of its rows.
 
     The id is the digest of the content, so the same upload again answers 200 with the same id. `report` says of every
     run whether it was accepted and, if not, why: file, line, column and reason.

@@ -15,7 +15,7 @@ _SLOPE, _MASS, _TORQUE, _HORIZON = (
     for name, text in (
         ("slope_deg", "Slope in degrees, positive uphill, of the one run or of all rows that name none."),
         ("mass_kg", "Mass of the whole rover, kg."),
-        ("torque_nm", "Motor stall torque of each wheel, N m."),
+        ("torque_nm", "Motor stall torque of each wheel, N m; 0: motors off, wheels free."),
         ("horizon_s", "How long the run was meant to last, s; without it, its last time."),
     )
 )
