@@ -13,6 +13,7 @@ from service.datasets import Dataset, Run, dataset_id, parse_passport, read_fold
 from service.datasets.checks.motion import fastest_m_s
 from service.datasets.columns import BY_NAME
 from service.datasets.report import RejectedDatasetError
+from service.datasets.run_labels import read_run_labels
 from service.datasets.summary import summarise
 from service.datasets.thinning import thinned
 from service.datasets.uploads.upload import read_upload
@@ -149,6 +150,11 @@ def test_what_changes_is_read_though_nobody_asks_for_it(make_motion, passport_co
     data = to_parquet(dataset_of(passport_content, run_of(driven(make_motion()))))
     (run,) = read_parquet(data, columns=()).runs
     assert list(run.columns) == ["time_s", "rear_x_m", "rear_y_m", "slope_deg", "torque_nm", "brake"]
+
+
+def test_a_footer_tells_the_slope_of_a_run_or_that_it_has_none(make_motion, passport_content):
+    data = to_parquet(dataset_of(passport_content, run_of(driven(make_motion())), run_of(make_motion(1.1), "steady")))
+    assert [(label.name, label.slope_deg) for label in read_run_labels(data)] == [("r", None), ("steady", 20.0)]
 
 
 def test_any_row_that_changes_is_another_dataset(make_motion, passport_content):

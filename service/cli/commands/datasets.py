@@ -198,7 +198,7 @@ def upload_file(
         typer.Argument(
             metavar="FILE",
             help="A zip or tar with runs.csv and passport.json, a table with scenario columns (CSV or Parquet), or one "
-            "file of Chrono; each also packed by gzip, bzip2 or xz. Slope, torque and brake may change from row to row.",
+            "file of Chrono; each also packed by gzip, bzip2 or xz. Slope, torque and brake may change by row.",
         ),
     ],
     name: Annotated[str | None, typer.Option(help="Name for people; without it, from the file's name.")] = None,
