@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from typing import Any, Protocol
 
+import sqlalchemy as sa
+import structlog
 from dbos import DBOS, StepOptions, WorkflowStatus
 from dbos import error as dbos_errors
 
@@ -28,6 +30,8 @@ _TRIED_AGAIN: StepOptions = {
     "backoff_rate": 2.0,
     "should_retry": lambda error: isinstance(error, StoreUnavailableError),
 }
+
+_log = structlog.get_logger(__name__)
 
 
 class Runner(Protocol):
@@ -68,9 +72,11 @@ class Attempt:
         def run(*given: Any) -> dict[str, Any]:  # noqa: ANN401
             nonlocal ran
             ran = True
-            return step(*given)
+            with self._left_when_the_database_fails():  # here too: dbos would record it as what the step came to
+                return step(*given)
 
-        result = DBOS.run_step(options, run, *arguments)
+        with self._left_when_the_database_fails():
+            result = DBOS.run_step(options, run, *arguments)
         if ran and not self._got_further:
             self._forgive_deaths()
         return result
@@ -129,6 +135,15 @@ class Attempt:
             if row is not None and _deaths(row):
                 self._runner.database.forgive(self._id, _deaths(row))
             self._got_further = True
+
+    @contextmanager
+    def _left_when_the_database_fails(self) -> Iterator[None]:
+        """An error of the jobs database says nothing about the job: the attempt ends, another goes on later."""
+        try:
+            yield
+        except (sa.exc.SQLAlchemyError, JobsUnavailableError) as error:
+            _log.warning("training job left, its database fails", job=self._id, reason=str(error).partition("\n")[0])
+            raise dbos_errors.DBOSWorkflowCancelledError(f"training job {self._id} goes on later") from error
 
     @cached_property
     def _report(self) -> JobReport:

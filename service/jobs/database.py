@@ -14,6 +14,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, Self
 
+import psycopg
 import sqlalchemy as sa
 from dbos import DBOSClient, DBOSPortableJSONSerializer, EnqueueOptions, WorkflowStatus
 from dbos import error as dbos_errors
@@ -23,6 +24,7 @@ from service.jobs.failure import JobFailedError
 from service.jobs.job import APPLICATION, APPLICATION_VERSION, EVENTS, QUEUE, STATUS, WORKFLOW
 
 _CONNECT_S = 3
+_CONNECT_AGAIN_S = 0.5
 _POOL = 8
 _RETRY_AFTER_S = 30
 _EVENT_POLL_S = 0.25
@@ -45,7 +47,7 @@ def make_engine(url: str, *, pool_size: int, patience_s: float) -> sa.Engine:
         engine = sa.create_engine(parsed, **bounds)
         sa.event.listen(engine, "connect", lambda connection, _record: _prepare_sqlite(connection, milliseconds))
         return engine
-    return sa.create_engine(
+    engine = sa.create_engine(
         parsed.set(drivername="postgresql+psycopg"),
         **bounds,
         pool_pre_ping=True,
@@ -59,6 +61,26 @@ def make_engine(url: str, *, pool_size: int, patience_s: float) -> sa.Engine:
             "options": f"-c idle_in_transaction_session_timeout=60000 -c lock_timeout={milliseconds}",
         },
     )
+    sa.event.listen(engine, "handle_error", _call_it_a_lost_connection)
+    return engine
+
+
+def wait_for_server(engine: sa.Engine, ending: threading.Event) -> None:
+    """Let connecting to a PostgreSQL server that does not answer go on until it does or `ending` is set.
+
+    dbos waits, too, but after each failure twice as long as before: up to a minute and a half after the server is back.
+    """
+
+    def connect(dialect: sa.Dialect, _record: Any, arguments: Any, options: Any) -> Any:  # noqa: ANN401
+        while True:
+            try:
+                return dialect.connect(*arguments, **options)
+            except psycopg.OperationalError:
+                if ending.wait(_CONNECT_AGAIN_S):
+                    raise
+
+    if engine.dialect.name == "postgresql":
+        sa.event.listen(engine, "do_connect", connect)
 
 
 class JobsDatabase:
@@ -260,6 +282,17 @@ def answering() -> Iterator[None]:
 def _give_up_when_locked(context: sa.engine.ExceptionContext) -> None:
     if isinstance(context.original_exception, sqlite3.OperationalError) and "locked" in str(context.original_exception):
         raise JobsUnavailableError("the jobs database does not answer: another process keeps writing to it")
+
+
+def _call_it_a_lost_connection(context: sa.engine.ExceptionContext) -> None:
+    """A connection that does not come about counts as one that was lost: whoever waits for the database waits then.
+
+    dbos 3.4 knows such an error by the words "connection failed" alone; "connection is bad", which psycopg says of a
+    socket that nobody listens on, it takes for an answer, and lets the step that wanted to record something fail.
+    """
+    refused = isinstance(context.original_exception, psycopg.OperationalError)
+    if refused and context.connection is None and not context.is_pre_ping:
+        context.is_disconnect = True
 
 
 def _make_folder(database: str | None) -> None:

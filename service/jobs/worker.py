@@ -20,7 +20,7 @@ from dbos import DBOS, DBOSConfig, DBOSPortableJSONSerializer
 from model_store import ModelStore, StoreError
 from service.cpu import limit_compute_threads, limit_torch_threads
 from service.errors import JobsUnavailableError
-from service.jobs.database import JobsDatabase, make_engine
+from service.jobs.database import JobsDatabase, answering, make_engine, wait_for_server
 from service.jobs.job import APPLICATION, APPLICATION_VERSION, QUEUE
 from service.jobs.lease import make_lease
 from service.jobs.workflow import register_workflow
@@ -44,7 +44,7 @@ def run_worker(settings: Settings, ending: threading.Event, *, once: bool = Fals
     """Work until `ending` is set, or with `once` until nothing is left to do; blocks.
 
     Told to end, it finishes the piece of the fit that runs (at most 20 s) and gives its job back. On return nothing
-    runs any more that matters, but threads of dbos may be left: leave the process by `os._exit`.
+    runs any more that matters, but threads of dbos may be left: leave the process by `os._exit`, after an error too.
     Raises JobsUnavailableError and StoreUnavailableError when it cannot begin.
     """
     limit_torch_threads(settings.worker_threads)
@@ -63,6 +63,7 @@ class Worker:
         self.store = store
         self.database = JobsDatabase.open(url, patience_s=_CLIENT_PATIENCE_S)
         self._engine = make_engine(url, pool_size=_POOL, patience_s=_PATIENCE_S)
+        wait_for_server(self._engine, ending)
         self._lease = make_lease(self.database.engine, self.name)
         self._ending = ending
         self._running: set[str] = set()
@@ -112,10 +113,11 @@ class Worker:
             "notification_listener_polling_interval_sec": 1.0,
             "log_level": "WARNING",
         }
-        DBOS(config=config)
-        register_workflow(self)
-        DBOS.launch()
-        DBOS.register_queue(QUEUE, worker_concurrency=1, polling_interval_sec=POLL_S)
+        with answering():  # what dbos asks while it starts it asks once
+            DBOS(config=config)
+            register_workflow(self)
+            DBOS.launch()
+            DBOS.register_queue(QUEUE, worker_concurrency=1, polling_interval_sec=POLL_S)
         _log.info("training worker ready", worker=self.name)
         try:
             self._rounds(once)

@@ -7,6 +7,7 @@ import random
 import time
 from itertools import pairwise
 
+import psycopg
 import pytest
 import torch
 
@@ -268,6 +269,24 @@ def test_a_database_server_that_is_killed_only_delays(store, postgres, nursery, 
         assert weights_of(store, job) == expected
         assert store.versions("killed") == [1]
         assert worker.code is None
+    finally:
+        jobs.close()
+        nursery.end_all()
+
+
+def test_an_error_of_the_database_is_no_failure_of_the_job(store, postgres, nursery, place, expected):
+    url = postgres.new_database()
+    jobs = JobQueue.open(url, 16)
+    job_id = submit(store, jobs)
+    try:
+        with psycopg.connect(url, autocommit=True) as database:
+            database.execute("ALTER TABLE dbos.streams RENAME TO elsewhere")
+            nursery.start(place, url)
+            until(lambda: jobs.get(job_id).attempts >= 2, what="tried again")
+            database.execute("ALTER TABLE dbos.elsewhere RENAME TO streams")
+        job = ended(jobs, job_id)
+        assert weights_of(store, job) == expected
+        assert store.versions("killed") == [1]
     finally:
         jobs.close()
         nursery.end_all()
