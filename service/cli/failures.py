@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import traceback
 from dataclasses import dataclass
 from enum import IntEnum
 
 import typer
 from pydantic import ValidationError
 
+from service.cli.output import note
 from service.errors import (
     DatasetInUseError,
     IdempotencyKeyError,
@@ -54,6 +56,17 @@ class Failure:
 
     message: str
     code: int
+
+
+def report(error: Exception, *, debug: bool) -> int:
+    """Tell why a command failed, with the traceback when `debug`; the exit code."""
+    if type(error).__name__ == "NoArgsIsHelpError":  # the help has been printed
+        return ExitCode.USAGE
+    if debug:
+        traceback.print_exception(error)
+    failure = failure_of(error)
+    note(f"error: {failure.message}")
+    return failure.code
 
 
 def failure_of(error: Exception) -> Failure:

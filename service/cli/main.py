@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
@@ -26,7 +25,7 @@ from service.cli.commands import (
     train,
     worker,
 )
-from service.cli.failures import EXIT_CODES_HELP, ExitCode, failure_of
+from service.cli.failures import EXIT_CODES_HELP, ExitCode, report
 from service.cli.output import note
 
 PROGRAM = "rover-twin"
@@ -90,17 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         code = ExitCode.INTERRUPTED
     except Exception as error:
-        return _report(error, session)
+        return report(error, debug=session.debug)
     if code == ExitCode.INTERRUPTED:
         note("interrupted")
     return int(code or ExitCode.DONE)
-
-
-def _report(error: Exception, session: Session) -> int:
-    if type(error).__name__ == "NoArgsIsHelpError":  # the help has been printed
-        return ExitCode.USAGE
-    if session.debug:
-        traceback.print_exception(error)
-    failure = failure_of(error)
-    note(f"error: {failure.message}")
-    return failure.code

@@ -11,9 +11,11 @@ from typing import Annotated, Literal
 import typer
 
 from service.cli import options
+from service.cli.failures import report
 
 
 def worker(
+    context: typer.Context,
     threads: Annotated[
         int | None,
         typer.Option(help="Processor threads. Default: ROVER_TWIN_WORKER_THREADS, else 1.", show_default=False),
@@ -56,7 +58,11 @@ def worker(
     from service.log import configure_logging
 
     configure_logging(settings.log_level, settings.log_format)
-    run_worker(settings, ending, once=once)
+    code = 0
+    try:
+        run_worker(settings, ending, once=once)
+    except Exception as error:
+        code = report(error, debug=context.obj.debug)
     sys.stdout.flush()
     sys.stderr.flush()
-    os._exit(0)  # dbos leaves threads that wait for jobs which others run now
+    os._exit(code)  # dbos leaves threads that wait for jobs which others run now, and the process would for them
