@@ -31,6 +31,7 @@ JOBS = "/v1/admin/training-jobs"
 GONE = (httpx.TransportError,)
 _QUESTION = {"slope_deg": 12, "mass_kg": 430, "torque_nm": 60, "horizon_s": 4, "dt_s": 1}
 _STUCK_S = 90.0
+_SUPERVISED_S = 0.2
 _FIRST_GUESS_S = 0.05
 _REMEMBERED = 15
 
@@ -93,13 +94,20 @@ class World:
         with socket.create_server(("127.0.0.1", 0)) as listener:
             self._port = listener.getsockname()[1]
         self._lives: dict[str, WorkerProcess] = {}
+        self._killed: WorkerProcess | None = None  # the worker that `revive` is to start again
+        self._changing = threading.Lock()
+        self._over = threading.Event()
+        self._supervisor = threading.Thread(target=self._keep_a_worker, daemon=True)
 
     def __enter__(self) -> Self:
         for victim in ("api", "worker"):
             self.revive(victim)
+        self._supervisor.start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._supervisor.join()
         self.queue.close()
         for process in self._lives.values():
             if process.code is None:
@@ -117,6 +125,10 @@ class World:
         if victim == "database":
             assert self.postgres is not None
             self.postgres.kill()
+        elif victim == "worker":
+            with self._changing:
+                self._killed = self._lives[victim]
+                self._killed.kill()
         else:
             self._lives[victim].kill()
 
@@ -126,7 +138,8 @@ class World:
             assert self.postgres is not None
             self.postgres.start()
         elif victim == "worker":
-            self._lives[victim] = self._nursery.start(self._folder / "store", self._url, aloud=True)
+            with self._changing:
+                self._start_worker()
         else:
             self._lives[victim] = self._nursery.serve(
                 self.temporary,
@@ -139,6 +152,17 @@ class World:
                 threads=1,
             )
             until(self._api_answers, 30, "the API answers")
+
+    def _start_worker(self) -> None:
+        self._lives["worker"] = self._nursery.start(self._folder / "store", self._url, aloud=True)
+
+    def _keep_a_worker(self) -> None:
+        """As the service does with its own: one that ended, because the database died as it began, is started again."""
+        while not self._over.wait(_SUPERVISED_S):
+            with self._changing:
+                worker = self._lives["worker"]
+                if worker.code is not None and worker is not self._killed:
+                    self._start_worker()
 
     def _api_answers(self) -> bool:
         try:

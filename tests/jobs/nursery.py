@@ -16,7 +16,9 @@ import sys
 import tempfile
 import threading
 import time
+import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
 
@@ -33,7 +35,8 @@ class WorkerProcess:
         self._ended = threading.Event()
 
     def kill(self) -> None:
-        os.kill(self.pid, signal.SIGKILL)
+        with suppress(ProcessLookupError):  # it has just ended by itself
+            os.kill(self.pid, signal.SIGKILL)
         self.wait()
 
     def terminate(self) -> None:
@@ -54,6 +57,7 @@ class Nursery:
     def __init__(self, *, apis: bool = False, heard: Callable[[int, str], None] | None = None) -> None:
         self._apis = apis
         self._heard = heard
+        self._ordering = threading.Lock()
 
     def __enter__(self) -> Self:
         self._process = subprocess.Popen(
@@ -89,9 +93,10 @@ class Nursery:
 
     def _order(self, **order: Any) -> WorkerProcess:
         assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps(order) + "\n")
-        self._process.stdin.flush()
-        return self._born.get(timeout=60)
+        with self._ordering:
+            self._process.stdin.write(json.dumps(order) + "\n")
+            self._process.stdin.flush()
+            return self._born.get(timeout=60)
 
     def end_all(self) -> None:
         for worker in self._workers.values():
@@ -198,6 +203,8 @@ def _main() -> None:
                 order = json.loads(line)
                 (_serve if order.pop("kind") == "api" else _work)(order)
                 code = 0
+            except Exception:
+                traceback.print_exc()
             finally:
                 sys.stderr.flush()
                 os._exit(code)
