@@ -75,3 +75,27 @@ class Positions:
 
     x_m: Array
     y_m: Array
+
+    def samples(self, selection: slice) -> Positions:
+        """Only the selected times; the arrays are views."""
+        return Positions(self.x_m[:, selection], self.y_m[:, selection])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion(Positions):
+    """Positions and how fast: `speed_m_s` along the slope, positive uphill, and how fast the wheels of each axle turn.
+
+    Every array has shape (scenario, time). Wheel speeds are None where the model does not know them.
+    """
+
+    speed_m_s: Array
+    rear_wheel_speed_rad_s: Array | None = None
+    front_wheel_speed_rad_s: Array | None = None
+
+    def samples(self, selection: slice) -> Motion:
+        """Only the selected times; the arrays are views."""
+        rear, front = (
+            None if each is None else each[:, selection]
+            for each in (self.rear_wheel_speed_rad_s, self.front_wheel_speed_rad_s)
+        )
+        return Motion(self.x_m[:, selection], self.y_m[:, selection], self.speed_m_s[:, selection], rear, front)

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from service.twin.batch import PredictionBatch, sample_grid
 from service.twin.counting import Count, uncounted
-from service.twin.prediction import Frame, NonFiniteError, OutsideDomainError, Prediction, PredictionBand
+from service.twin.prediction import (
+    SPEED_NAMES,
+    Frame,
+    NonFiniteError,
+    OutsideDomainError,
+    Prediction,
+    PredictionBand,
+)
 from service.twin.registry import Loaded, RegistryStatus, TwinRegistry
 from service.twin.scenario import Scenario, sample_times
 from service.twin.summary import Outcome, Summaries, Summary
 from service.twin.twin import Twin
 
 __all__ = [
+    "SPEED_NAMES",
     "Count",
     "Frame",
     "Loaded",

@@ -48,15 +48,16 @@ class PredictionBatch:
     """Predictions in columns, the members those of `Prediction`: arrays that have shape (time,) there have
     (scenario, time) here, those of `band` too.
 
-    `time_s` has shape (time,) where all scenarios share it, otherwise (scenario, time). Of a row only the first
-    `counts[row]` samples are its own; the rest repeats the last one. Prior and band are None unless asked for.
+    `time_s` has shape (time,) where all scenarios share it, otherwise (scenario, time); `trajectory` is without it. Of
+    a row only the first `counts[row]` samples are its own; the rest repeats the last one. Prior and band are None
+    unless asked for.
     """
 
     scenarios: tuple[Scenario, ...]
     frame: Frame
     time_s: Array
     counts: Index
-    positions: Mapping[str, Array]
+    trajectory: Mapping[str, Array]
     prior_name: str
     prior: Mapping[str, Array] | None
     domain: DomainVerdicts
@@ -71,24 +72,16 @@ class PredictionBatch:
 
     def only(self, rows: Index) -> PredictionBatch:
         """Some of the predictions; the arrays are copies."""
-        summaries, kept = self.summaries, rows.tolist()
         return PredictionBatch(
-            scenarios=tuple(self.scenarios[row] for row in kept),
+            scenarios=tuple(self.scenarios[row] for row in rows.tolist()),
             frame=self.frame,
             time_s=self.time_s if self.time_s.ndim == 1 else self.time_s[rows],
             counts=self.counts[rows],
-            positions={name: column[rows] for name, column in self.positions.items()},
+            trajectory={name: column[rows] for name, column in self.trajectory.items()},
             prior_name=self.prior_name,
             prior=None if self.prior is None else {name: column[rows] for name, column in self.prior.items()},
             domain=self.domain.only(rows),
-            summaries=Summaries(
-                outcome=tuple(summaries.outcome[row] for row in kept),
-                final_x_m=summaries.final_x_m[rows],
-                final_y_m=summaries.final_y_m[rows],
-                distance_m=summaries.distance_m[rows],
-                mean_speed_m_s=summaries.mean_speed_m_s[rows],
-                slip_ratio=tuple(summaries.slip_ratio[row] for row in kept),
-            ),
+            summaries=self.summaries.only(rows),
             band=self.band
             and PredictionBand(self.band.level, **{name: each[rows] for name, each in self.band.columns().items()}),
         )
@@ -103,7 +96,7 @@ class PredictionBatch:
         return Prediction(
             scenario=self.scenarios[row],
             frame=self.frame,
-            trajectory={"time_s": time, **_first(self.positions, row, count)},
+            trajectory={"time_s": time, **_first(self.trajectory, row, count)},
             prior_name=self.prior_name,
             prior=None if self.prior is None else _first(self.prior, row, count),
             domain=self.domain[row],

@@ -96,7 +96,7 @@ def mobility_map(
         torque_nm=torques,
         outcome=_rows(outcomes, shape),
         mean_speed_m_s=speed.reshape(shape),
-        slip_ratio=_rows(twin.slip_ratios(cells, speed), shape),
+        slip_ratio=_rows(twin.slip_ratios(cells, np.full(len(cells), horizon_s), speed), shape),
         inside_domain=inside,
         steepest_climb_slope_deg=steepest,
     )

@@ -12,6 +12,9 @@ from service.physics.scenario import Array
 from service.twin.scenario import Scenario
 from service.twin.summary import Summary
 
+SPEED_NAMES = ("speed_m_s", "rear_wheel_speed_rad_s", "front_wheel_speed_rad_s")
+"""Columns that a trajectory has on request."""
+
 
 class Frame(StrEnum):
     """The frame of positions: `slope` has x_m along and y_m normal to the slope, `world` x_m horizontal and z_m up."""
@@ -53,9 +56,10 @@ class PredictionBand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """One trajectory, domain verdict and summary; on request the prior alone and a band.
+    """One trajectory, domain verdict and summary; on request speeds, the prior alone and a band.
 
-    `trajectory` maps time_s, x_m and y_m (world frame: z_m) to arrays of shape (time,), s and m; `prior` maps the two
+    `trajectory` maps time_s, x_m and y_m (world frame: z_m) to arrays of shape (time,), s and m, and on request
+    speed_m_s, rear_wheel_speed_rad_s and front_wheel_speed_rad_s, in both frames along the slope. `prior` maps the two
     positions of the prior alone likewise. `summary` is in the slope frame whatever `frame` is. All finite.
     """
 
@@ -67,3 +71,8 @@ class Prediction:
     domain: DomainVerdict
     summary: Summary
     band: PredictionBand | None = None
+
+    @property
+    def position_names(self) -> tuple[str, str]:
+        """The two columns of the trajectory that say where the rover is."""
+        return ("x_m", "y_m") if self.frame is Frame.SLOPE else ("x_m", "z_m")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,22 +14,42 @@ from service.learning.band import Band
 from service.learning.domain import Domain, DomainVerdict
 from service.learning.trajectory_model import TrajectoryModel
 from service.physics.frames import slope_to_world
-from service.physics.scenario import Array, Positions, Scenarios
+from service.physics.scenario import Array, Motion, Positions, Scenarios
 from service.physics.wheel_speed import slip_ratio, wheel_speed_rad_s
 from service.twin.batch import PredictionBatch, as_physics
 from service.twin.prediction import Frame, NonFiniteError, OutsideDomainError, Prediction, PredictionBand
 from service.twin.scenario import Scenario
-from service.twin.summary import LAST_PART, Summaries, outcomes_of
+from service.twin.summary import (
+    LAST_PART,
+    Summaries,
+    late,
+    mean_wheel_speed_rad_s,
+    outcomes_of,
+    own_times,
+    path_length_m,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Core:
     """What one or many predictions are made of; members as those of `PredictionBatch`."""
 
-    positions: Mapping[str, Array]
+    trajectory: Mapping[str, Array]
     prior: Mapping[str, Array] | None
     summaries: Summaries
     band: PredictionBand | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Asked:
+    """At which times and for which parts of an answer; as `Twin.predict` takes them."""
+
+    time_s: Array
+    frame: Frame
+    band_level: float | None
+    prior: bool
+    speed: bool
+    wheel_speed: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,22 +93,27 @@ class Twin:
         band_level: float | None = None,
         *,
         with_prior: bool = False,
+        with_speed: bool = False,
+        with_wheel_speed: bool = False,
     ) -> Prediction:
         """The trajectory at `time_s`, of shape (time,), rising, which ends at the scenario's horizon.
 
         With a `band_level` it has a band: an interval for x and one for y. Turned into the world frame it would be
-        neither, so it is offered in the slope frame only. `with_prior` adds the prior's positions.
+        neither, so it is offered in the slope frame only. `with_prior` adds the prior's positions, `with_speed` and
+        `with_wheel_speed` add columns to the trajectory: along the slope in both frames.
 
         Raises InvalidValueError for a band in the world frame, of a version without one or at a level that is not
-        0.5 to 0.99, and NonFiniteError instead of answering with NaN or infinity.
+        0.5 to 0.99, for wheel speeds of a model that does not know them, and NonFiniteError instead of answering with
+        NaN or infinity.
         """
         physics, horizons = scenario.as_physics(), np.array([scenario.horizon_s])
         _own_samples(time_s, horizons)
-        core = self._predicted((scenario,), physics, horizons, time_s, frame, band_level, with_prior)
+        asked = _Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
+        core = self._predicted((scenario,), physics, horizons, asked)
         return Prediction(
             scenario=scenario,
             frame=frame,
-            trajectory={"time_s": time_s, **_first_row(core.positions)},
+            trajectory={"time_s": time_s, **_first_row(core.trajectory)},
             prior_name=self.model.prior.name,
             prior=None if core.prior is None else _first_row(core.prior),
             domain=self.domain.judge(scenario.slope_deg, scenario.mass_kg, scenario.torque_nm, scenario.horizon_s),
@@ -104,6 +129,8 @@ class Twin:
         band_level: float | None = None,
         *,
         with_prior: bool = False,
+        with_speed: bool = False,
+        with_wheel_speed: bool = False,
     ) -> PredictionBatch:
         """`predict` for many scenarios at once: the same answers, but for rounding, much faster than one by one.
 
@@ -114,14 +141,15 @@ class Twin:
         horizons = np.array([scenario.horizon_s for scenario in scenarios], dtype=np.float64)
         counts = _own_samples(time_s, horizons)
         physics = as_physics(scenarios)
-        core = self._predicted(scenarios, physics, horizons, time_s, frame, band_level, with_prior)
+        asked = _Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
+        core = self._predicted(scenarios, physics, horizons, asked)
         slopes = np.array([scenario.slope_deg for scenario in scenarios])
         return PredictionBatch(
             scenarios=tuple(scenarios),
             frame=frame,
             time_s=time_s,
             counts=counts,
-            positions=core.positions,
+            trajectory=core.trajectory,
             prior_name=self.model.prior.name,
             prior=core.prior,
             domain=self.domain.judge_many(slopes, physics.mass_kg, physics.torque_nm, horizons),
@@ -129,39 +157,31 @@ class Twin:
             band=core.band,
         )
 
-    def _predicted(
-        self,
-        scenarios: Sequence[Scenario],
-        physics: Scenarios,
-        horizons_s: Array,
-        time_s: Array,
-        frame: Frame,
-        band_level: float | None,
-        with_prior: bool,
-    ) -> _Core:
-        if band_level is not None and frame is not Frame.SLOPE:
-            raise InvalidValueError("frame", frame.value, "slope where a band is asked for: it bounds x and y there")
-        extra = [(1.0 - LAST_PART) * horizons_s]  # the outcome must not depend on the sampling that was asked for
-        if starts_later := bool(time_s[..., 0].any()):
-            extra.insert(0, np.zeros(len(horizons_s)))  # nor must the way until the first sample be forgotten
-        if band_level is not None:
-            extra += [np.full(len(horizons_s), look) for look in self._known_band().look_s]
+    def _predicted(self, scenarios: Sequence[Scenario], physics: Scenarios, horizons_s: Array, asked: _Asked) -> _Core:
+        band = self._band_for(asked)
+        if asked.wheel_speed and not self.model.knows_wheel_speeds:
+            none = f"speed; {self.name}@{self.version} does not know how fast its wheels turn"
+            raise InvalidValueError("include", "wheel_speed", none)
+        own = own_times(horizons_s, quick=self.model.quick)
+        parts = [asked.time_s, own] if band is None else [asked.time_s, own, band.look_s]
+        count, end = asked.time_s.shape[-1], asked.time_s.shape[-1] + own.shape[-1]
+        moving = asked.speed or self.model.knows_wheel_speeds
+        ask: Callable[[Scenarios, Array], Positions] = self.model.motion if moving else self.model.positions
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-            found = self.model.positions(physics, _with_times(time_s, extra))
-            corrected, x_beyond = _without_last(found, len(extra)), found.x_m[:, -len(extra) :]
-            prior = self.model.prior.positions(physics, time_s) if with_prior else None
-            whole = _with_start(corrected, _last(found, len(extra))) if starts_later else corrected
-            summaries = self._summarise(physics, horizons_s, whole, late_x_m=x_beyond[:, int(starts_later)])
-            band = None
-            if band_level is not None:
-                seen = x_beyond[:, -len(self._known_band().look_s) :]
-                band = self._band_around(corrected, physics, time_s, band_level, seen)
-        self._require_finite(scenarios, prior, summaries, band)
+            found = ask(physics, _joined(parts, len(horizons_s)))
+            shown, whole = found.samples(slice(count)), found.samples(slice(count, end))
+            prior = self.model.prior.positions(physics, asked.time_s) if asked.prior else None
+            summaries = self._summarise(physics, horizons_s, shown, whole)
+            bounds = None
+            if band is not None and asked.band_level is not None:
+                bounds = _around(band, shown, physics, asked.time_s, asked.band_level, found.x_m[:, end:])
+        trajectory = {**_in_frame(shown, physics, asked.frame), **_speeds(shown, asked)}
+        self._require_finite(scenarios, trajectory, prior, summaries, bounds)
         return _Core(
-            positions=_in_frame(corrected, physics, frame),
-            prior=None if prior is None else _in_frame(prior, physics, frame),
+            trajectory=trajectory,
+            prior=None if prior is None else _in_frame(prior, physics, asked.frame),
             summaries=summaries,
-            band=band,
+            band=bounds,
         )
 
     def outside(self, verdict: DomainVerdict) -> OutsideDomainError:
@@ -176,50 +196,63 @@ class Twin:
         band = self._known_band()
         return band.half_widths(scenarios, time_s, level, self.model.positions(scenarios, band.look_s).x_m)
 
-    def slip_ratios(self, scenarios: Scenarios, mean_speeds_m_s: Array) -> tuple[float | None, ...]:
-        """Of each scenario at its mean speed, shape (scenario,); None where the wheels stand still or nobody knows."""
-        if self.wheel_motion_resistance is None:
-            return (None,) * len(scenarios)
+    def slip_ratios(self, scenarios: Scenarios, horizons_s: Array, mean_speeds_m_s: Array) -> tuple[float | None, ...]:
+        """Of each scenario at its mean speed, (scenario,) each; None where the wheels stand still or nobody knows."""
+        wheels = None
+        if self.model.knows_wheel_speeds:
+            times = own_times(horizons_s, quick=self.model.quick)
+            wheels = mean_wheel_speed_rad_s(self.model.motion(scenarios, times))
+        return self._slip_ratios(scenarios, mean_speeds_m_s, wheels)
+
+    def _slip_ratios(
+        self, scenarios: Scenarios, mean_speeds_m_s: Array, wheels_rad_s: Array | None
+    ) -> tuple[float | None, ...]:
+        """With the mean speeds of the wheels, (scenario,), where the model knows them."""
         rover, regolith = self.model.prior.rover, self.model.prior.regolith
-        wheels = wheel_speed_rad_s(rover, regolith, self.wheel_motion_resistance, scenarios)
-        both = zip(mean_speeds_m_s.tolist(), wheels.tolist(), strict=True)
+        if wheels_rad_s is None and self.wheel_motion_resistance is not None:
+            wheels_rad_s = wheel_speed_rad_s(rover, regolith, self.wheel_motion_resistance, scenarios)
+        if wheels_rad_s is None:
+            return (None,) * len(scenarios)
+        both = zip(mean_speeds_m_s.tolist(), wheels_rad_s.tolist(), strict=True)
         return tuple(slip_ratio(rover, speed, wheel) for speed, wheel in both)
 
     def _known_band(self) -> Band:
         if self.band is None:
-            none = f"prior; {self.name}@{self.version} was published without a band"
+            none = f"prior or speed; {self.name}@{self.version} was published without a band"
             raise InvalidValueError("include", "band", none)
         return self.band
 
-    def _band_around(
-        self, positions: Positions, physics: Scenarios, time_s: Array, level: float, seen_m: Array
-    ) -> PredictionBand:
-        half_x, half_y = self._known_band().half_widths(physics, time_s, level, seen_m)
-        x, y = positions.x_m, positions.y_m
-        return PredictionBand(level, x - half_x, x + half_x, y - half_y, y + half_y)
+    def _band_for(self, asked: _Asked) -> Band | None:
+        if asked.band_level is None:
+            return None
+        if asked.frame is not Frame.SLOPE:
+            raise InvalidValueError(
+                "frame", asked.frame.value, "slope where a band is asked for: it bounds x and y there"
+            )
+        return self._known_band()
 
-    def _summarise(self, physics: Scenarios, horizons_s: Array, positions: Positions, late_x_m: Array) -> Summaries:
-        """`positions` begin at rest; `late_x_m` (scenario,) is x where the last part of the horizon begins."""
-        x, y = positions.x_m, positions.y_m
+    def _summarise(self, physics: Scenarios, horizons_s: Array, shown: Positions, whole: Positions) -> Summaries:
+        """`whole` has the model's answer at `own_times`; `shown` ends where it does."""
+        x = whole.x_m
         mean_speed = (x[:, -1] - x[:, 0]) / horizons_s
         return Summaries(
-            outcome=outcomes_of((x[:, -1] - late_x_m) / (LAST_PART * horizons_s)),
-            final_x_m=x[:, -1],
-            final_y_m=y[:, -1],
-            distance_m=_path_length(x, y),
+            outcome=outcomes_of((x[:, -1] - late(x)) / (LAST_PART * horizons_s)),
+            final_x_m=shown.x_m[:, -1],
+            final_y_m=shown.y_m[:, -1],
+            distance_m=path_length_m(whole),
             mean_speed_m_s=mean_speed,
-            slip_ratio=self.slip_ratios(physics, mean_speed),
+            slip_ratio=self._slip_ratios(physics, mean_speed, mean_wheel_speed_rad_s(whole)),
         )
 
     def _require_finite(
         self,
         scenarios: Sequence[Scenario],
+        trajectory: Mapping[str, Array],
         prior: Positions | None,
         summaries: Summaries,
         band: PredictionBand | None,
     ) -> None:
-        # the path goes through every sample: it is finite only if they are
-        numbers = [summaries.distance_m[:, None], summaries.mean_speed_m_s[:, None]]
+        numbers = [*trajectory.values(), summaries.distance_m[:, None], summaries.mean_speed_m_s[:, None]]
         numbers += [] if prior is None else [prior.x_m, prior.y_m]
         numbers += [] if band is None else band.columns().values()
         if not all(np.isfinite(each).all() for each in numbers):
@@ -245,33 +278,19 @@ def _own_samples(time_s: Array, horizons_s: Array) -> npt.NDArray[np.intp]:
     return np.asarray((time_s >= time_s[:, -1:]).argmax(axis=1) + 1, dtype=np.intp)
 
 
-def _with_times(time_s: Array, extra: Sequence[Array]) -> Array:
-    """Times with more at the end, (scenario,) each: still (time,) where these are the same for all scenarios."""
-    if time_s.ndim == 1 and all(len(each) == 1 or (each == each[0]).all() for each in extra):
-        return np.concatenate([time_s, *(each[:1] for each in extra)])
-    rows = np.broadcast_to(time_s, (len(extra[0]), time_s.shape[-1]))
-    return np.column_stack([rows, *extra])
+def _joined(parts: Sequence[Array], rows: int) -> Array:
+    """Times one after the other, (time,) or (scenario, time): still (time,) where all of them are."""
+    if all(part.ndim == 1 for part in parts):
+        return np.concatenate(parts)
+    return np.concatenate([np.broadcast_to(part, (rows, part.shape[-1])) for part in parts], axis=1)
 
 
-def _without_last(positions: Positions, count: int) -> Positions:
-    return Positions(positions.x_m[:, :-count], positions.y_m[:, :-count])
-
-
-def _last(positions: Positions, count: int) -> Positions:
-    return Positions(positions.x_m[:, -count:], positions.y_m[:, -count:])
-
-
-def _with_start(positions: Positions, start: Positions) -> Positions:
-    """Positions after the first one of `start`."""
-    x = np.column_stack([start.x_m[:, :1], positions.x_m])
-    return Positions(x, np.column_stack([start.y_m[:, :1], positions.y_m]))
-
-
-def _path_length(x_m: Array, y_m: Array) -> Array:
-    """Sum of the straight ways between samples, shape (scenario,). `hypot` would take three times as long."""
-    squares = np.square(x_m[:, 1:] - x_m[:, :-1])
-    squares += np.square(y_m[:, 1:] - y_m[:, :-1])
-    return np.asarray(np.sqrt(squares, out=squares).sum(axis=1))
+def _around(
+    band: Band, centre: Positions, physics: Scenarios, time_s: Array, level: float, seen_m: Array
+) -> PredictionBand:
+    half_x, half_y = band.half_widths(physics, time_s, level, seen_m)
+    x, y = centre.x_m, centre.y_m
+    return PredictionBand(level, x - half_x, x + half_x, y - half_y, y + half_y)
 
 
 def _first_row(columns: Mapping[str, Array]) -> dict[str, Array]:
@@ -284,3 +303,15 @@ def _in_frame(positions: Positions, physics: Scenarios, frame: Frame) -> Mapping
         return {"x_m": positions.x_m, "y_m": positions.y_m}
     horizontal, up = slope_to_world(positions.x_m, positions.y_m, physics.slope_angle_rad[:, None])
     return {"x_m": horizontal, "z_m": up}
+
+
+def _speeds(shown: Positions, asked: _Asked) -> Mapping[str, Array]:
+    """The speeds that were asked for, as columns."""
+    if not isinstance(shown, Motion):
+        return {}
+    columns = {"speed_m_s": shown.speed_m_s} if asked.speed else {}
+    if asked.wheel_speed:
+        wheels = {"rear_wheel_speed_rad_s": shown.rear_wheel_speed_rad_s}
+        wheels["front_wheel_speed_rad_s"] = shown.front_wheel_speed_rad_s
+        columns |= {name: column for name, column in wheels.items() if column is not None}
+    return columns

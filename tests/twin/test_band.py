@@ -86,7 +86,9 @@ def test_a_version_without_a_band_says_so(store):
     bare = load_twin(store, "unit", publish(store).version)
 
     assert bare.band is None
-    with pytest.raises(InvalidValueError, match="include is 'band', allowed is prior; unit@1 was published without a"):
+    with pytest.raises(
+        InvalidValueError, match="include is 'band', allowed is prior or speed; unit@1 was published without a"
+    ):
         bare.predict(Scenario(12, 500, 60, 4), sample_times(4, 1), band_level=0.9)
 
 

@@ -64,11 +64,12 @@ def test_many_are_the_loop(champion, asked, form):
     frame, level = Frame.WORLD if form == "world" else Frame.SLOPE, 0.9 if form == "band" else None
     scenarios = [Scenario(*each, horizon) for each, horizon in asked]
     times = sample_grid([scenario.horizon_s for scenario in scenarios], 0.1)
-    batch = champion.predict_many(scenarios, times, frame, level, with_prior=True)
+    batch = champion.predict_many(scenarios, times, frame, level, with_prior=True, with_speed=True)
 
     assert len(batch) == len(scenarios)
     for scenario, found in zip(scenarios, batch, strict=True):
-        alone = champion.predict(scenario, sample_times(scenario.horizon_s, 0.1), frame, level, with_prior=True)
+        times = sample_times(scenario.horizon_s, 0.1)
+        alone = champion.predict(scenario, times, frame, level, with_prior=True, with_speed=True)
         assert_same(found, alone, 1e-9)
 
 
@@ -96,7 +97,7 @@ def test_climbing_stalling_and_sliding_rovers_share_a_batch(champion):
     batch = champion.predict_many([Scenario(float(slope), *rover, 10) for rover in rovers for slope in slopes], times)
 
     assert set(batch.summaries.outcome) == set(Outcome)
-    assert batch.positions["x_m"].shape == (60, 201)
+    assert batch.trajectory["x_m"].shape == (60, 201)
     assert batch.time_s is times
     assert (batch.counts == 201).all()
     for row in (0, 25, 35, 59, -1):
@@ -177,7 +178,7 @@ def test_some_of_a_batch_are_those_rows(banded):
     assert len(some) == 3
     for mine, row in zip(some, rows.tolist(), strict=True):
         assert_same(mine, whole[row], 0.0)
-    assert whole.only(rows[:0]).positions["x_m"].shape[0] == 0
+    assert whole.only(rows[:0]).trajectory["x_m"].shape[0] == 0
 
 
 def test_what_is_outside_is_named_without_the_verdicts(champion):

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from model_store import ModelStore
 from service.errors import InvalidValueError
 from service.learning.band import Band
+from service.learning.trajectory_model import motion_by_difference
 from service.physics.prior import Prior
-from service.physics.scenario import Array, Positions, Scenarios
+from service.physics.scenario import Array, Motion, Positions, Scenarios
 from service.twin import NonFiniteError, Outcome, Scenario, Twin, sample_times
 from service.twin.load import load_twin
 from service.twin.mobility import STEEPEST_STEP_DEG, MobilityMap, mobility_map
@@ -51,11 +52,15 @@ class Gliding:
     prior: Prior
     speeds_m_s: tuple[float, ...]
     quick: ClassVar[bool] = True
+    knows_wheel_speeds: ClassVar[bool] = False
 
     def positions(self, scenarios: Scenarios, time_s: Array) -> Positions:
         slopes = np.degrees(scenarios.slope_angle_rad)
         speeds = np.interp(slopes, np.arange(len(self.speeds_m_s)), self.speeds_m_s)
         return Positions(speeds[:, None] * time_s, self.prior.positions(scenarios, time_s).y_m)
+
+    def motion(self, scenarios: Scenarios, time_s: Array) -> Motion:
+        return motion_by_difference(self.positions, scenarios, time_s)
 
 
 def gliding(twin: Twin, *speeds_m_s: float) -> Twin:

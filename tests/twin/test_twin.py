@@ -42,8 +42,9 @@ def test_summary_agrees_with_the_trajectory(learned, scenario):
     prediction = learned.predict(scenario, sample_times(scenario.horizon_s, 0.25))
     x, y, summary = prediction.trajectory["x_m"], prediction.trajectory["y_m"], prediction.summary
     assert (summary.final_x_m, summary.final_y_m) == (x[-1], y[-1])
-    assert summary.mean_speed_m_s == pytest.approx((x[-1] - x[0]) / scenario.horizon_s)
-    assert summary.distance_m >= np.hypot(x[-1] - x[0], y[-1] - y[0]) * (1 - 1e-12)
+    # float32: the summary's own times share no rounding with the samples
+    assert summary.mean_speed_m_s == pytest.approx((x[-1] - x[0]) / scenario.horizon_s, abs=1e-5 / scenario.horizon_s)
+    assert summary.distance_m >= np.hypot(x[-1] - x[0], y[-1] - y[0]) - 1e-5
 
 
 @given(scenario=scenarios, dt_s=st.floats(0.05, 2))
@@ -61,11 +62,9 @@ def test_a_trajectory_that_is_shown_late_began_at_rest_all_the_same(learned, sce
     late = learned.predict(scenario, whole.trajectory["time_s"][1:])
     last = learned.predict(scenario, whole.trajectory["time_s"][2:])
     for shown in (late, last):
-        for name in ("final_x_m", "final_y_m", "mean_speed_m_s"):
-            assert getattr(shown.summary, name) == pytest.approx(getattr(whole.summary, name), abs=1e-5), name
+        for name in ("final_x_m", "final_y_m", "mean_speed_m_s", "distance_m"):
+            assert getattr(shown.summary, name) == pytest.approx(getattr(whole.summary, name), abs=1e-4), name
         assert shown.summary.outcome == whole.summary.outcome
-    assert late.summary.distance_m == pytest.approx(whole.summary.distance_m, abs=1e-5)
-    assert last.summary.distance_m > 0
 
 
 def test_a_slow_rover_does_not_climb_because_it_is_shown_late(twin):

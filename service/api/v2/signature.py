@@ -71,7 +71,7 @@ def _position(name: str, frames: frozenset[Frame], meaning: str) -> tuple[Output
         return batch.prior[name]
 
     return (
-        OutputTensor(name, "FP64", 2, "m", meaning, lambda batch: batch.positions[name], usual=True, frames=frames),
+        OutputTensor(name, "FP64", 2, "m", meaning, lambda batch: batch.trajectory[name], usual=True, frames=frames),
         OutputTensor(
             f"prior_{name}",
             "FP64",

@@ -10,8 +10,9 @@ import torch
 
 from service.learning.network.inputs import InputSignature
 from service.learning.network.residuals import Residual
+from service.learning.trajectory_model import motion_by_difference
 from service.physics.prior import Prior
-from service.physics.scenario import Array, Positions, Scenarios
+from service.physics.scenario import Array, Motion, Positions, Scenarios
 
 # Rows that go through the network together, so that the activations of its widest layer stay in cache.
 _ROWS_AT_ONCE = 1024
@@ -29,6 +30,7 @@ class PhysicsInformedModel:
     residual: Residual
 
     quick: ClassVar[bool] = False
+    knows_wheel_speeds: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if self.residual.input_count != len(self.signature.inputs):
@@ -43,6 +45,10 @@ class PhysicsInformedModel:
         prior = self.prior.positions(scenarios, time_s)
         correction = self.corrections(scenarios, time_s)
         return Positions(prior.x_m + correction.x_m, prior.y_m + correction.y_m)
+
+    def motion(self, scenarios: Scenarios, time_s: Array) -> Motion:
+        """The same positions with their speeds; the wheels' are not known."""
+        return motion_by_difference(self.positions, scenarios, time_s)
 
     def corrections(self, scenarios: Scenarios, time_s: Array) -> Positions:
         """What the residual adds (m), shape (scenario, time)."""

@@ -15,8 +15,9 @@ from service.learning.resistance.start import StartProcess
 from service.learning.resistance.stored import TensorReader
 from service.learning.resistance.tables import TRAVEL_KNOTS_M, ResponseTables
 from service.learning.resistance.traction import TractionCurves
+from service.learning.trajectory_model import motion_by_difference
 from service.physics.prior import Prior
-from service.physics.scenario import Array, Positions, Scenarios
+from service.physics.scenario import Array, Motion, Positions, Scenarios
 from service.physics.similarity import torque_ratio
 
 
@@ -40,6 +41,7 @@ class ResistanceProcess:
     _engine: Engine = field(init=False, repr=False)
 
     quick: ClassVar[bool] = True
+    knows_wheel_speeds: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         parts = (getattr(self, each.name) for each in fields(self) if each.init)
@@ -52,6 +54,10 @@ class ResistanceProcess:
         """
         ratio = torque_ratio(self.prior.rover, self.prior.regolith, scenarios)
         return Positions(*self._engine.predict(scenarios.slope_angle_rad, scenarios.mass_kg, ratio, time_s))
+
+    def motion(self, scenarios: Scenarios, time_s: Array) -> Motion:
+        """The same positions with their speeds; the wheels' are not known."""
+        return motion_by_difference(self.positions, scenarios, time_s)
 
     def describe(self) -> dict[str, Any]:
         """Everything but the tensors and the prior, as JSON values."""

@@ -76,7 +76,7 @@ def test_a_version_without_a_band_refuses_to_make_one_up(banded):
 
     assert fault["field"] == "include"
     assert fault["value"] == "band"
-    assert fault["allowed"] == "prior; viper-lunar@2 was published without a band"
+    assert fault["allowed"] == "prior or speed; viper-lunar@2 was published without a band"
     assert banded.predict(**ASKED, include="prior", band_level=0.95, model="viper-lunar@2").status_code == 200
 
 
