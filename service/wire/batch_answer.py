@@ -12,6 +12,8 @@ from service.wire.prediction_answer import ModelIdentity
 
 Rows = Annotated[list[list[float]], Field(description="A list for each scenario, metres, one per time.")]
 
+WheelRows = Annotated[list[list[float]] | None, Field(description="Only on `include=wheel_speed`.")]
+
 
 class BatchScenarios(BaseModel):
     """The scenarios that are answered, as understood; a column each."""
@@ -25,7 +27,7 @@ class BatchScenarios(BaseModel):
 
 
 class BatchTrajectories(BaseModel):
-    """Positions in the frame: `y_m` in the slope frame, `z_m` in the world frame."""
+    """Positions in the frame: `y_m` in the slope frame, `z_m` in the world frame. Speeds are along the slope."""
 
     time_s: Annotated[
         list[float] | list[list[float]],
@@ -34,6 +36,9 @@ class BatchTrajectories(BaseModel):
     x_m: Rows
     y_m: Rows | None = None
     z_m: Rows | None = None
+    speed_m_s: Annotated[list[list[float]] | None, Field(description="Only on `include=speed`.")] = None
+    rear_wheel_speed_rad_s: WheelRows = None
+    front_wheel_speed_rad_s: WheelRows = None
 
 
 class BatchPrior(BaseModel):

@@ -32,6 +32,8 @@ class Include(StrEnum):
 
     PRIOR = "prior"
     BAND = "band"
+    SPEED = "speed"
+    WHEEL_SPEED = "wheel_speed"
 
 
 class PredictionInputs(BaseModel):
@@ -117,8 +119,9 @@ class PredictionInputs(BaseModel):
             max_length=len(Include),
             description="Parts to add: `prior` is the closed-form solution alone, without the learned correction. "
             "`band` is an interval for x and one for y at each time, slope frame only; it is refused by a version "
-            "that was published without one.",
-            examples=[["prior", "band"]],
+            "that was published without one. `speed` adds to the trajectory the speed along the slope, in both frames, "
+            "`wheel_speed` how fast rear and front wheels turn; it is refused by a version that does not know that.",
+            examples=[["prior", "band", "speed"]],
         ),
     ] = []
     band_level: Annotated[
@@ -149,10 +152,21 @@ class PredictionInputs(BaseModel):
         """Whether the prior's positions were asked for."""
         return Include.PRIOR in self.include
 
+    @property
+    def wants_speed(self) -> bool:
+        """Whether the speed along the slope was asked for."""
+        return Include.SPEED in self.include
+
+    @property
+    def wants_wheel_speed(self) -> bool:
+        """Whether the wheels' speeds were asked for."""
+        return Include.WHEEL_SPEED in self.include
+
     def question(self) -> bytes:
         """What decides the answer of a given version, in one way only; the same for questions that mean the same."""
         scenario = self.slope_deg, self.mass_kg, self.torque_nm, self.horizon_s, self.dt_s, self.times_s
-        return orjson.dumps((scenario, self.frame, self.wants_prior, self.wanted_band_level, self.strict))
+        parts = self.wants_prior, self.wanted_band_level, self.wants_speed, self.wants_wheel_speed
+        return orjson.dumps((scenario, self.frame, *parts, self.strict))
 
     @property
     def points(self) -> int:
@@ -258,13 +272,21 @@ def require_few_points(asked: PredictionInputs, max_points: int) -> None:
 def predict(asked: PredictionInputs, loaded: Loaded, count: Count = uncounted) -> Subject:
     """The prediction that was asked for.
 
-    Raises InvalidValueError for times or a band that cannot be had, NonFiniteError, and OutsideDomainError where a
-    strict client asks for a scenario outside the domain.
+    Raises InvalidValueError for times, a band or wheel speeds that cannot be had, NonFiniteError, and
+    OutsideDomainError where a strict client asks for a scenario outside the domain.
     """
     twin = loaded.twin
     scenario, times = asked.sampled()
     began = time.perf_counter()
-    found = twin.predict(scenario, times, asked.frame, asked.wanted_band_level, with_prior=asked.wants_prior)
+    found = twin.predict(
+        scenario,
+        times,
+        asked.frame,
+        asked.wanted_band_level,
+        with_prior=asked.wants_prior,
+        with_speed=asked.wants_speed,
+        with_wheel_speed=asked.wants_wheel_speed,
+    )
     count(twin, time.perf_counter() - began, (found.summary.outcome,), int(not found.domain.inside))
     if asked.strict and not found.domain.inside:
         raise twin.outside(found.domain)

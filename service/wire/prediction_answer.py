@@ -9,6 +9,13 @@ from pydantic import BaseModel, Field
 from service.twin import Frame, Outcome
 
 Metres = Annotated[list[float], Field(description="Metres, one per time.")]
+Speed = Annotated[
+    list[float] | None,
+    Field(description="Metres per second along the slope, positive uphill. Only on `include=speed`."),
+]
+WheelSpeed = Annotated[
+    list[float] | None, Field(description="Radians per second, one per time. Only on `include=wheel_speed`.")
+]
 
 
 class ModelIdentity(BaseModel):
@@ -34,14 +41,20 @@ class SlopeTrajectory(BaseModel):
     time_s: Annotated[list[float], Field(description="Seconds from rest, rising; the last one is the horizon.")]
     x_m: Metres
     y_m: Metres
+    speed_m_s: Speed = None
+    rear_wheel_speed_rad_s: WheelSpeed = None
+    front_wheel_speed_rad_s: WheelSpeed = None
 
 
 class WorldTrajectory(BaseModel):
-    """Positions of the rear wheel's centre, horizontal and up."""
+    """Positions of the rear wheel's centre, horizontal and up; its speed is along the slope all the same."""
 
     time_s: Annotated[list[float], Field(description="Seconds from rest, rising; the last one is the horizon.")]
     x_m: Metres
     z_m: Metres
+    speed_m_s: Speed = None
+    rear_wheel_speed_rad_s: WheelSpeed = None
+    front_wheel_speed_rad_s: WheelSpeed = None
 
 
 class SlopePrior(BaseModel):
@@ -115,7 +128,7 @@ class DomainAnswer(BaseModel):
 
 
 class SummaryAnswer(BaseModel):
-    """The trajectory in six numbers, in the slope frame whatever `frame` is."""
+    """The trajectory in six numbers, in the slope frame whatever `frame` is, and the same however it is sampled."""
 
     outcome: Outcome
     final_x_m: float
@@ -123,7 +136,8 @@ class SummaryAnswer(BaseModel):
     distance_m: Annotated[float, Field(ge=0, description="Length of the path.")]
     mean_speed_m_s: Annotated[float, Field(description="Along the slope; negative downhill.")]
     slip_ratio: Annotated[
-        float | None, Field(description="1 - speed / (wheel radius x wheel speed); null where wheels stand still.")
+        float | None,
+        Field(description="1 - mean speed / (wheel radius x mean wheel speed); null where wheels stand still."),
     ]
 
 

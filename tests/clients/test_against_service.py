@@ -96,6 +96,16 @@ def test_the_prior_comes_when_asked_for(twin: RoverTwin) -> None:
     assert prediction.prior.x_m.size == prediction.time_s.size
 
 
+def test_the_speed_comes_when_asked_for(twin: RoverTwin) -> None:
+    slope, world = (twin.predict(28, 430, 60, frame=frame, include=["speed"]) for frame in ("slope", "world"))
+
+    assert slope.speed_m_s is not None
+    assert slope.speed_m_s.size == slope.time_s.size
+    assert world.speed_m_s is not None
+    np.testing.assert_array_equal(world.speed_m_s, slope.speed_m_s)
+    assert slope.rear_wheel_speed_rad_s is None
+
+
 def test_the_sampling_is_the_one_asked_for_and_ends_at_the_horizon(twin: RoverTwin) -> None:
     time_s = twin.predict(28, 430, 60, 1.0, dt_s=0.3).time_s
 

@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 from rover_twin_client import Prediction, UnexpectedAnswerError, parsing, responses
 from rover_twin_client.document import Node
 
+SPEEDS = ("speed_m_s", "rear_wheel_speed_rad_s", "front_wheel_speed_rad_s")
+
 
 def test_a_slope_answer_becomes_arrays_and_values(slope_answer: dict[str, Any]) -> None:
     prediction = parsing.prediction(Node(slope_answer))
@@ -70,7 +72,7 @@ def test_members_of_later_services_are_ignored(slope_answer: dict[str, Any]) -> 
     slope_answer["energy_j"] = {"total": 0.9}
     slope_answer["domain"]["density"] = 0.41
     slope_answer["band"]["speed_m_s"] = []
-    slope_answer["trajectory"]["speed_m_s"] = []
+    slope_answer["trajectory"]["power_w"] = []
 
     assert parsing.prediction(Node(slope_answer)).summary.outcome == "climbs"
 
@@ -97,6 +99,20 @@ def test_the_band_becomes_arrays_with_its_level(slope_answer: dict[str, Any]) ->
     assert band.level == 0.9
     for name in ("x_lower_m", "x_upper_m", "y_lower_m", "y_upper_m"):
         assert getattr(band, name).tolist() == slope_answer["band"][name]
+
+
+def test_speeds_become_arrays_where_they_were_asked_for(slope_answer: dict[str, Any]) -> None:
+    plain = parsing.prediction(Node(slope_answer))
+    speeds = {name: [0.0, 0.1 * at, 0.2] for at, name in enumerate(SPEEDS)}
+    slope_answer["trajectory"] |= speeds
+    moving = parsing.prediction(Node(slope_answer))
+
+    for name in SPEEDS:
+        assert getattr(plain, name) is None
+        assert getattr(moving, name).tolist() == speeds[name]
+    slope_answer["trajectory"]["speed_m_s"] = [0.0]
+    with pytest.raises(UnexpectedAnswerError, match=r"trajectory\.speed_m_s"):
+        parsing.prediction(Node(slope_answer))
 
 
 def test_the_nearest_runs_become_values(slope_answer: dict[str, Any]) -> None:

@@ -121,7 +121,7 @@ def _read(body: bytes, max_points: int) -> tuple[BatchQuestion, Array]:
 def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded, count: Count) -> BatchSubject:
     """What can be answered, and what is wrong with the rest. `time_s` is the question's grid.
 
-    Raises InvalidValueError for a band that cannot be had.
+    Raises InvalidValueError for a band or wheel speeds that cannot be had.
     """
     twin, shared = loaded.twin, question.shared
 
@@ -130,7 +130,13 @@ def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded, count: Cou
         scenarios = [question.scenarios[row] for row in rows.tolist()]
         began = time.perf_counter()
         found = twin.predict_many(
-            scenarios, times, shared.frame, shared.wanted_band_level, with_prior=shared.wants_prior
+            scenarios,
+            times,
+            shared.frame,
+            shared.wanted_band_level,
+            with_prior=shared.wants_prior,
+            with_speed=shared.wants_speed,
+            with_wheel_speed=shared.wants_wheel_speed,
         )
         outside = len(found) - int(found.domain.inside.sum())
         count(twin, time.perf_counter() - began, found.summaries.outcome, outside)
@@ -152,6 +158,8 @@ def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded, count: Cou
         failures=[_problem(index, failures[index]) for index in sorted(failures)],
         with_prior=shared.wants_prior,
         with_band=Include.BAND in shared.include,
+        with_speed=shared.wants_speed,
+        with_wheel_speed=shared.wants_wheel_speed,
     )
 
 

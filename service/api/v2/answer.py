@@ -104,6 +104,7 @@ def answer(inference: Inference, count: Count) -> Response:
             question.frame,
             question.band_level,
             with_prior=question.with_prior,
+            with_speed=question.with_speed,
         )
         inferred = time.perf_counter_ns()
         outside = len(batch) - int(batch.domain.inside.sum())

@@ -58,6 +58,11 @@ class InferenceQuestion:
         """Whether an output needs the prior's positions."""
         return any(each.tensor.of_prior for each in self.outputs)
 
+    @property
+    def with_speed(self) -> bool:
+        """Whether an output needs the speed."""
+        return any(each.tensor.of_speed for each in self.outputs)
+
 
 def question_of(request: InferenceRequest, tail: memoryview, twin: Twin, max_points: int) -> InferenceQuestion:
     """Read a request; `tail` is the binary part of its body, `max_points` bounds one trajectory.

@@ -49,6 +49,7 @@ class OutputTensor:
     frames: frozenset[Frame] = _BOTH
     of_band: bool = False
     of_prior: bool = False
+    of_speed: bool = False
 
 
 INPUTS = {
@@ -136,6 +137,15 @@ OUTPUTS = {
         _PRIOR_Y,
         _PRIOR_Z,
         *(_bound(axis, side) for axis in "xy" for side in ("lower", "upper")),
+        OutputTensor(
+            "speed_m_s",
+            "FP64",
+            2,
+            "m/s",
+            "speed along the slope in both frames, positive uphill",
+            lambda batch: batch.trajectory["speed_m_s"],
+            of_speed=True,
+        ),
         OutputTensor(
             "sample_count",
             "INT64",

@@ -40,7 +40,10 @@ def predict(
     ] = "slope",
     include: Annotated[
         list[str] | None,
-        typer.Option(help="Add a part to the answer: prior, the closed-form solution alone; band, an error interval."),
+        typer.Option(
+            help="Add a part to the answer: prior, the closed-form solution alone; band, an error interval; speed, "
+            "along the slope; wheel_speed, of rear and front wheels."
+        ),
     ] = None,
     band_level: Annotated[
         float, typer.Option(help="Pointwise coverage of the band, with --include band; 0.5 to 0.99.")

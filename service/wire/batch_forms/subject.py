@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from service.learning.domain import FIELDS
 from service.physics.scenario import Array
-from service.twin import Frame, Loaded, PredictionBatch
+from service.twin import SPEED_NAMES, Frame, Loaded, PredictionBatch
+from service.wire.forms.subject import unit_of
 
 Column = npt.NDArray[Any] | Sequence[Any]
 _SCENARIO_FIELDS = ("slope_deg", "mass_kg", "torque_nm", "horizon_s")
@@ -33,11 +34,18 @@ class BatchSubject:
     failures: Sequence[Mapping[str, Any]]
     with_prior: bool
     with_band: bool
+    with_speed: bool = False
+    with_wheel_speed: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
         """Of the positions in this frame."""
         return ("x_m", "y_m") if self.frame is Frame.SLOPE else ("x_m", "z_m")
+
+    @property
+    def speeds(self) -> tuple[str, ...]:
+        """Names of the speeds that were asked for."""
+        return (*SPEED_NAMES[:1] * self.with_speed, *SPEED_NAMES[1:] * self.with_wheel_speed)
 
     def time_s(self) -> Array:
         """Shape (time,) where all scenarios share it, else (scenario, time)."""
@@ -53,8 +61,8 @@ class BatchSubject:
             nothing = np.empty((0, 0))
             prior = {"prior": dict.fromkeys(self.names, nothing)} if self.with_prior else {}
             band = {"band": dict.fromkeys(_BOUNDS, nothing)} if self.with_band else {}
-            return {"trajectory": dict.fromkeys(self.names, nothing), **prior, **band}
-        groups = {"trajectory": self.batch.positions}
+            return {"trajectory": dict.fromkeys((*self.names, *self.speeds), nothing), **prior, **band}
+        groups = {"trajectory": self.batch.trajectory}
         if self.batch.prior is not None:
             groups["prior"] = self.batch.prior
         if self.batch.band is not None:
@@ -106,7 +114,7 @@ class BatchSubject:
         about: dict[str, Any] = {
             "model": {"name": twin.name, "version": twin.version, "alias": self.loaded.alias},
             "frame": self.frame.value,
-            "units": {name: name.rpartition("_")[2] for name in names},
+            "units": {name: unit_of(name) for name in names},
             "errors": self.failures,
         }
         if self.batch is not None and self.batch.prior is not None:

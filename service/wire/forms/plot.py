@@ -72,8 +72,7 @@ def figure_of(subject: Subject) -> Figure:
     # fixed margins: to measure the texts for them would take longer than the rest
     figure.subplots_adjust(left=0.15, right=0.97, top=0.91, bottom=0.09, hspace=0.12)
     panels = figure.subplots(2, 1, sharex=True)
-    positions = [name for name in subject.prediction.trajectory if name != "time_s"]
-    for axes, name in zip(panels, positions, strict=True):
+    for axes, name in zip(panels, subject.prediction.position_names, strict=True):
         _panel(axes, drawn, name)
         axes.set_ylabel(_AXIS_LABELS[name][frame])
     panels[0].set_title(_title(subject), fontsize=10, loc="left")

@@ -45,7 +45,7 @@ class Subject:
             "model": self.model(),
             "scenario": prediction.scenario,
             "frame": prediction.frame.value,
-            "units": {name: name.rpartition("_")[2] for name in self.columns()},
+            "units": {name: unit_of(name) for name in self.columns()},
             "domain": domain_document(prediction.domain),
             "summary": prediction.summary,
         }
@@ -54,6 +54,14 @@ class Subject:
         if prediction.band is not None:
             about["band"] = {"level": prediction.band.level}
         return about
+
+
+def unit_of(column: str) -> str:
+    """The unit that stands at the end of a column's name: s, m, m/s or rad/s."""
+    for ending, unit in (("_rad_s", "rad/s"), ("_m_s", "m/s")):
+        if column.endswith(ending):
+            return unit
+    return column.rpartition("_")[2]
 
 
 def domain_document(verdict: DomainVerdict) -> dict[str, Any]:

@@ -69,7 +69,7 @@ _COLUMN = """\
 
 
 def encode_usda(subject: Subject) -> bytes:
-    """The layer, UTF-8. Columns that are no position (prior, band) are custom attributes `roverTwin:<column>`.
+    """The layer, UTF-8. Columns that are no position (speeds, prior, band) are custom attributes `roverTwin:<column>`.
 
     Dividing a time code by timeCodesPerSecond gives the very float64 of `time_s`. Raises NonFiniteError.
     """
@@ -77,7 +77,7 @@ def encode_usda(subject: Subject) -> bytes:
     columns = dict(subject.columns())
     require_finite(columns, "answer")
     rate, codes = time_codes(columns.pop("time_s"))
-    x, across = (columns.pop(name) for name in prediction.trajectory if name != "time_s")
+    x, across = (columns.pop(name) for name in prediction.position_names)
     at = _written(codes)
     orient = _pitch(prediction.scenario.slope_deg)
     twin = subject.loaded.twin

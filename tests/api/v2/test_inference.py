@@ -77,20 +77,24 @@ def test_every_output_is_the_very_one_of_the_single_route(banded, client, count,
     answer = client.infer(
         "viper-lunar",
         tensors(**asked),
-        outputs=wanted(*names, *bounds),
+        outputs=wanted(*names, "speed_m_s", *bounds),
         parameters={"frame": frame, "dt_s": 0.3, "band_level": 0.8},
     )
 
-    found = {name: answer.as_numpy(name) for name in (*names, *bounds)}
+    found = {name: answer.as_numpy(name) for name in (*names, "speed_m_s", *bounds)}
     # one scenario goes the very way it goes there; of several, float64 sums may be grouped otherwise
     close = {"rtol": 0, "atol": 0 if count == 1 else 1e-9}
     for row in range(count):
-        include = {"include": "prior,band", "band_level": 0.8} if bounds else {"include": "prior"}
+        include = {"include": "prior,speed,band", "band_level": 0.8} if bounds else {"include": "prior,speed"}
         one = {name: float(values[row]) for name, values in asked.items()}
         document = banded.predict(**one, frame=frame, dt_s=0.3, **include).json()
         for name in names[:3]:
             values = found[name] if name == "time_s" else found[name][row]
             np.testing.assert_allclose(values, document["trajectory"][name], **close)
+        # a difference over 10 ms: a hundred times what the positions differ by
+        np.testing.assert_allclose(
+            found["speed_m_s"][row], document["trajectory"]["speed_m_s"], atol=200 * close["atol"]
+        )
         for name in names[1:3]:
             np.testing.assert_allclose(found[f"prior_{name}"][row], document["prior"][name], **close)
         for name in bounds:

@@ -87,7 +87,7 @@ class Domain:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """A summary of the trajectory. `outcome` is climbs, stalls or slides.
+    """A summary of the trajectory, the same however it is sampled. `outcome` is climbs, stalls or slides.
 
     The final coordinates are always in the slope frame. `slip_ratio` is None when the wheels stand still, or when the
     model does not know how they turn.
@@ -130,7 +130,9 @@ class Band:
 class Prediction:
     """Where the rover goes: positions in metres at the times `time_s` in seconds; arrays (N,).
 
-    The last time is the horizon. `prior` and `band` are None unless the call had `include=["prior", "band"]`.
+    The last time is the horizon. `prior` and `band` are None unless the call had `include=["prior", "band"]`. With
+    `speed` and `wheel_speed` in it, `speed_m_s` is the speed along the slope in both frames, positive uphill, and the
+    wheel speeds of both axles are in rad/s; arrays (N,), else None.
     """
 
     model: ModelIdentity
@@ -144,6 +146,9 @@ class Prediction:
     domain: Domain
     summary: Summary
     band: Band | None = None
+    speed_m_s: Array | None = None
+    rear_wheel_speed_rad_s: Array | None = None
+    front_wheel_speed_rad_s: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

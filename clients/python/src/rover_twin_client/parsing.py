@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any, cast, get_args
 
 from rover_twin_client.answers import (
+    Array,
     Band,
     Domain,
     DomainReason,
@@ -34,6 +35,10 @@ def prediction(answer: Node) -> Prediction:
     time_s = trajectory["time_s"].array()
     across = "y_m" if frame == "slope" else "z_m"
     positions = {name: trajectory[name].array(time_s.size) for name in ("x_m", across)}
+
+    def on_request(name: str) -> Array | None:
+        return trajectory.optional(name, lambda column: column.array(time_s.size))
+
     return Prediction(
         model=_identity(answer["model"]),
         scenario=_scenario(answer["scenario"]),
@@ -46,6 +51,9 @@ def prediction(answer: Node) -> Prediction:
         domain=_domain(answer["domain"]),
         summary=_summary(answer["summary"]),
         band=answer.optional("band", lambda band: _band(band, time_s.size)),
+        speed_m_s=on_request("speed_m_s"),
+        rear_wheel_speed_rad_s=on_request("rear_wheel_speed_rad_s"),
+        front_wheel_speed_rad_s=on_request("front_wheel_speed_rad_s"),
     )
 
 

@@ -39,8 +39,9 @@ class AsyncRoverTwin(AsyncTrainingClient):
 
         `include=["prior"]` adds the closed-form trajectory. `include=["band"]` adds lower and upper bounds of x and y,
         in the slope frame only. `band_level` (0.5 to 0.99) is the pointwise coverage of that band; the service chooses
-        it when it is None. `strict` refuses a scenario outside the validated domain. Without it, the answer marks such
-        a scenario in `domain`.
+        it when it is None. `include=["speed"]` adds the speed along the slope, `include=["wheel_speed"]` how fast rear
+        and front wheels turn; a version that does not know that refuses it. `strict` refuses a scenario outside the
+        validated domain. Without it, the answer marks such a scenario in `domain`.
 
         Raises InvalidInputError for a value out of range, OutsideDomainError with `strict`, NotFoundError for an
         unknown model. Failures of the network and of the service raise the other errors of `rover_twin_client.errors`.
