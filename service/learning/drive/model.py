@@ -1,0 +1,129 @@
+"""The drive model: a law and its start speeds, answering constant scenarios, whole tracks and steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from service.learning.drive.engine import Engine
+from service.learning.drive.inputs import Controls, Track
+from service.learning.drive.law import PARAMETERS, Basis, Law
+from service.learning.drive.observations import controls_of, start_speed, track_of
+from service.learning.drive.start import StartSpeeds, bump_count
+from service.learning.drive.state import State
+from service.learning.observed import ObservedRun
+from service.learning.resistance.stored import TensorReader
+from service.physics.prior import Prior
+from service.physics.scenario import Array, Positions, Scenarios
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveModel:
+    """dv/dt = g [F(v, state) - sin(slope) - rho(v, state)], integrated; y from the state.
+
+    Implements `trajectory_model.TrajectoryModel`: a constant slope from rest is a drive like any other. The prior takes
+    no part in the answer: it comes along as what others compare with, and it holds rover and regolith. Immutable, safe
+    to share by threads.
+    """
+
+    prior: Prior
+    law: Law
+    starts: StartSpeeds
+    engine: Engine = field(init=False, repr=False)
+
+    quick: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "engine", Engine(self.law))
+
+    def positions(self, scenarios: Scenarios, time_s: Array) -> Positions:
+        """Positions (m), shape (scenario, time), at `time_s` >= 0 of shape (time,) or (scenario, time).
+
+        Raises ValueError for times that are not finite or negative.
+        """
+        return self.positions_with(scenarios, time_s, 0.0)
+
+    def positions_with(self, scenarios: Scenarios, time_s: Array, offset: Array | float) -> Positions:
+        """The same where the resistance is larger by `offset`, a fraction of the weight, (scenario,) or one for all."""
+        motion = self.engine.constant(
+            scenarios.slope_angle_rad,
+            scenarios.mass_kg,
+            scenarios.torque_nm,
+            self.starts.at(scenarios.slope_angle_rad, scenarios.mass_kg),
+            time_s,
+            offset,
+        )
+        return Positions(motion.x_m, motion.y_m)
+
+    def start(self, mass_kg: float, slope_rad: float, start_speed_m_s: float | None = None) -> State:
+        """A rover at the start of a drive; without a speed it is parked and let go, as in the simulations."""
+        speed = float(self.starts.at(np.array([slope_rad]), np.array([mass_kg]))[0])
+        return self.engine.start(mass_kg, speed if start_speed_m_s is None else start_speed_m_s)
+
+    def drive(
+        self, start: State, track: Track, controls: Controls, time_s: Array, offset: float = 0.0
+    ) -> tuple[Positions, State]:
+        """Positions (1, time) along a track under controls, and the state at the last time; see `Engine.drive`."""
+        motion, state = self.engine.drive(start, track, controls, time_s, offset)
+        return Positions(motion.x_m[None], motion.y_m[None]), state
+
+    def drive_run(self, run: ObservedRun, offset: float = 0.0) -> Positions:
+        """What the model says of a recorded run, (1, time) at its times: its track and controls, and mass, are given."""
+        rover = self.prior.rover
+        if not run.varies:
+            return self.positions_with(run.scenario, run.time_s, offset)
+        start = self.start(run.mass_kg, float(run.slope_angle_rad[0]))
+        return self.drive(start, track_of(run, rover), controls_of(run), run.time_s, offset)[0]
+
+    def describe(self) -> dict[str, Any]:
+        """Everything but the tensors and the prior, as JSON values."""
+        return {
+            "parameters": self.law.named,
+            "motion_lengths": [float(each) for each in self.law.motion.lengths],
+            "stall_lengths": [float(each) for each in self.law.stall.lengths],
+            "start": {"slope_rad": list(self.starts.slope_rad), "mass_kg": list(self.starts.mass_kg)},
+        }
+
+    def tensors(self) -> dict[str, Array]:
+        """The arrays, float64: together with `describe` and the prior what `restore` needs."""
+        return {
+            "motion.centres": self.law.motion.centres,
+            "stall.centres": self.law.stall.centres,
+            "weights": self.law.weights,
+            "height": self.law.height,
+            "reach": self.law.reach,
+            "start.weights": self.starts.weights,
+        }
+
+    @classmethod
+    def restore(cls, description: Mapping[str, Any], tensors: Mapping[str, Array], prior: Prior) -> DriveModel:
+        """Inverse of `describe` and `tensors`. Raises ValueError for what does not fit, is missing or is not finite."""
+        read = TensorReader(tensors)
+        bumps, stall = read.length("motion.centres"), read.length("stall.centres")
+        try:
+            named = {str(name): float(value) for name, value in description["parameters"].items()}
+            lengths = [np.array([float(each) for each in description[f"{kind}_lengths"]]) for kind in ("motion", "stall")]
+            slope, mass = ((float(low), float(high)) for low, high in (description["start"][n] for n in ("slope_rad", "mass_kg")))
+        except (KeyError, TypeError, AttributeError) as error:
+            raise ValueError(f"the description of the drive model does not fit: {error!r}") from error
+        if set(named) != set(PARAMETERS):
+            raise ValueError(f"not the parameters of this program: {sorted(set(named) ^ set(PARAMETERS))[:5]}")
+        law = Law(
+            prior.rover,
+            prior.regolith,
+            np.array([named[name] for name in PARAMETERS]),
+            Basis(read.take("motion.centres", (bumps, 3)), lengths[0]),
+            Basis(read.take("stall.centres", (stall, 3)), lengths[1]),
+            read.take("weights", (2 * bumps + stall,)),
+            height=read.take("height", (read.length("height"),)),
+            reach=read.take("reach", (3, 2)),
+        )
+        starts = StartSpeeds(read.take("start.weights", (bump_count(),)), slope, mass)
+        read.require_nothing_left()
+        return cls(prior, law, starts)
+
+
+__all__ = ["DriveModel", "start_speed"]
