@@ -10,7 +10,7 @@ import numpy as np
 from service.learning.drive.bases import bases_of
 from service.learning.drive.engine import Engine
 from service.learning.drive.gauss_newton import Problem, minimise, without_each
-from service.learning.drive.height import fit_height
+from service.learning.drive.height import fit_heights
 from service.learning.drive.law import PARAMETERS, Law
 from service.learning.drive.model import DriveModel
 from service.learning.drive.observations import Observation, observe_all
@@ -99,5 +99,5 @@ def _model(
     observed: Sequence[Observation],
 ) -> DriveModel:
     law = replace(blank, **_numbers(problem, y))
-    height = fit_height(Engine(law), runs, observed)
-    return DriveModel(prior, replace(law, height=height), starts)
+    heights = fit_heights(Engine(law), runs, observed)
+    return DriveModel(prior, replace(law, heights=heights), starts)

@@ -14,8 +14,8 @@ from service.physics.scenario import Array
 _RIDGE = 1e-4
 
 
-def fit_height(engine: Engine, runs: Sequence[ObservedRun], observed: Sequence[Observation]) -> Array:
-    """The law's `height` numbers, by least squares over all runs, each weighing the same.
+def fit_heights(engine: Engine, runs: Sequence[ObservedRun], observed: Sequence[Observation]) -> Array:
+    """The law's `heights`, by least squares over all runs, each weighing the same.
 
     The state is what the engine makes of each run's inputs: a run that it does not follow teaches little wrong, since
     wheels hardly sink deeper where they stand still.

@@ -10,7 +10,7 @@ import numpy as np
 
 from service.learning.drive.engine import Engine
 from service.learning.drive.inputs import Controls, Track
-from service.learning.drive.law import PARAMETERS, Basis, Law
+from service.learning.drive.law import HEIGHTS, PARAMETERS, Basis, Law
 from service.learning.drive.observations import controls_of, start_speed, track_of
 from service.learning.drive.start import StartSpeeds, bump_count
 from service.learning.drive.state import State
@@ -56,7 +56,7 @@ class DriveModel:
             time_s,
             offset,
         )
-        return Positions(motion.x_m, motion.y_m)
+        return Positions(motion[0], motion[4])
 
     def start(self, mass_kg: float, slope_rad: float, start_speed_m_s: float | None = None) -> State:
         """A rover at the start of a drive; without a speed it is parked and let go, as in the simulations."""
@@ -93,8 +93,7 @@ class DriveModel:
             "motion.centres": self.law.motion.centres,
             "stall.centres": self.law.stall.centres,
             "weights": self.law.weights,
-            "height": self.law.height,
-            "reach": self.law.reach,
+            "heights": self.law.heights,
             "start.weights": self.starts.weights,
         }
 
@@ -118,8 +117,7 @@ class DriveModel:
             Basis(read.take("motion.centres", (bumps, 3)), lengths[0]),
             Basis(read.take("stall.centres", (stall, 3)), lengths[1]),
             read.take("weights", (2 * bumps + stall,)),
-            height=read.take("height", (read.length("height"),)),
-            reach=read.take("reach", (3, 2)),
+            heights=read.take("heights", (HEIGHTS,)),
         )
         starts = StartSpeeds(read.take("start.weights", (bump_count(),)), slope, mass)
         read.require_nothing_left()

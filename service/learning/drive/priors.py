@@ -91,22 +91,27 @@ _PRIORS: dict[str, Prior] = {
     "brake_friction": Prior(0.5, 0.2, True),
     "brake_speed_m_s": Prior(0.006, 0.5, True),
 }
-_TERMS, _EARLY_TERMS = 49, 28  # travel corrections: 7 numbers at 4 distances since standstill and 3 places near the ruts
+# Travel corrections: 7 numbers (constant, 3 linear, 3 quadratic) at 4 distances since standstill and at 3 places near
+# where the rear wheels meet the ruts.
+_TERMS = {"early": (28, 0.04), "along": (21, 0.02)}
 
 
 @cache
 def _table() -> tuple[Array, Array, npt.NDArray[np.bool_]]:
     """Means, deviations, and which are logarithms, in the order of PARAMETERS. Raises KeyError if one has no prior."""
-    priors = _PRIORS | {f"travel_{at}": _term(at) for at in range(_TERMS)}
+    terms = {
+        f"{kind}_{at}": Prior(0.0, deviation * _shrunk(at % 7))
+        for kind, (count, deviation) in _TERMS.items()
+        for at in range(count)
+    }
+    priors = _PRIORS | terms
     rows = [priors[name] for name in PARAMETERS]
     return tuple(np.array(column) for column in zip(*rows, strict=True))  # type: ignore[return-value]
 
 
-def _term(at: int) -> Prior:
-    """Of a constant, a linear or a quadratic one among the travel corrections."""
-    order = at % 7
-    shrink = 1.0 if order == 0 else 0.6 if order < 4 else 0.3
-    return Prior(0.0, (0.04 if at < _EARLY_TERMS else 0.02) * shrink)
+def _shrunk(number: int) -> float:
+    """Of a constant, a linear or a quadratic one."""
+    return 1.0 if number == 0 else 0.6 if number < 4 else 0.3
 
 
 def fitted_parameters() -> npt.NDArray[np.intp]:

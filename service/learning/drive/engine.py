@@ -1,0 +1,208 @@
+"""A law made ready for the compiled engine, and what it can be asked: drives, constant scenarios, steps.
+
+Positions are of the rear wheel along the track, from where it started. The same inputs give the same motion however it
+is cut into calls and times: to the bit where calls end with the engine's cells of time (0.02 s until 0.3 s after an
+event, 0.05 s later; an event is the start or a change of torque or brake), to 1e-9 m elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from ctypes import addressof
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from service.learning.drive.inputs import Controls, Track, require_slopes
+from service.learning.drive.law import LaidOutLaw, Law
+from service.learning.drive.library import HEIGHTS, MOST_S, OUTPUTS, address, contiguous, library
+from service.learning.drive.state import SIZE, State
+from service.physics.scenario import Array
+
+SHORTEST_STEP_S = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """Columns over times or rovers: x (m), speed (m/s), wheel speeds (rad/s), height y (m) of the rear wheel centre above the
+    undeformed surface, slope under the rover's middle (rad).
+    """
+
+    x_m: Array
+    speed_m_s: Array
+    front_wheel_rad_s: Array
+    rear_wheel_rad_s: Array
+    y_m: Array
+    slope_rad: Array
+
+
+class Engine:
+    """Moves rovers by one law. Holds what the compiled code reads, which nobody changes: safe to share by threads."""
+
+    def __init__(self, law: Law) -> None:
+        self.law = law
+        self._number = law.number
+        self._laid_out = LaidOutLaw(law)
+        self._address = self._laid_out.address
+        self._library = library()
+
+    def start(self, mass_kg: float, start_speed_m_s: float = 0.0) -> State:
+        """A rover that begins to move, at 0. Raises ValueError for a mass that is not positive."""
+        _require(np.isfinite(mass_kg) and mass_kg > 0, f"mass_kg must be positive, got {mass_kg}")
+        _require(np.isfinite(start_speed_m_s), f"start_speed_m_s must be finite, got {start_speed_m_s}")
+        numbers = np.empty(SIZE)
+        self._library.rover_start(self._address, mass_kg, start_speed_m_s, address(numbers))
+        return State(numbers)
+
+    def restore(self, data: bytes, mass_kg: float | None = None) -> State:
+        """A state from its bytes. Raises ValueError unless it is one of this law, and of this mass if one is given."""
+        state = State.from_bytes(data)
+        self._require_own(state)
+        if mass_kg is not None and state.mass_kg != mass_kg:
+            raise ValueError(f"the state is of a rover of {state.mass_kg:g} kg, not of {mass_kg:g} kg")
+        return state
+
+    def drive(
+        self, start: State, track: Track, controls: Controls, time_s: Array, offset: float = 0.0
+    ) -> tuple[Motion, State]:
+        """Motion at times (s, from the state on, rising) and the state at the last one.
+
+        Controls count from the state on too; the track is where it always was. `offset` is added to the resistance, as
+        a fraction of the weight. Raises ValueError for a state of another law and for times that fall, are negative,
+        not finite or beyond MOST_S.
+        """
+        self._require_own(start)
+        _require(np.isfinite(offset), f"offset must be finite, got {offset}")
+        times = _times(time_s)
+        numbers, outputs = start.numbers.copy(), np.empty((OUTPUTS, len(times)))
+        along, told = track.compiled(), controls.compiled()
+        self._library.rover_drive(
+            self._address,
+            address(numbers),
+            addressof(along),
+            addressof(told),
+            offset,
+            len(times),
+            address(times),
+            address(outputs),
+        )
+        return Motion(*outputs), State(numbers)
+
+    def constant(
+        self,
+        slope_rad: Array,
+        mass_kg: Array,
+        torque_nm: Array,
+        start_speed_m_s: Array | float,
+        time_s: Array,
+        offset: Array | float = 0.0,
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """x, speed, front and rear wheel speed, y, each (scenario, time), of scenarios that begin to move at 0.
+
+        Columns are (scenario,), times (time,) or (scenario, time), in any order. Raises ValueError as `drive` does.
+        """
+        slopes = contiguous(slope_rad)
+        count, time = len(slopes), contiguous(time_s)
+        scenarios = np.empty((5, count))
+        for row, column in zip(scenarios, (slopes, mass_kg, torque_nm, start_speed_m_s, offset), strict=True):
+            row[:] = column
+        require_slopes(slopes)
+        _require(np.isfinite(scenarios).all(), "scenarios must be finite")
+        _require((scenarios[1] > 0).all() and (scenarios[2] >= 0).all(), "masses must be positive, torques not negative")
+        if time.ndim == 2:
+            _require(len(time) == count, f"times {time.shape} do not fit {count} scenarios")
+        if not (np.diff(time) >= 0).all():
+            order = np.argsort(time, axis=-1, kind="stable")
+            found = self.constant(*scenarios[:4], np.take_along_axis(time, order, -1), scenarios[4])
+            back = np.broadcast_to(np.argsort(order, axis=-1), found[0].shape)
+            x, speed, front, rear, y = (np.take_along_axis(each, back, -1) for each in found)
+            return x, speed, front, rear, y
+        _require_times(time)
+        times = time.shape[-1]
+        outputs = np.empty((5, count, times))
+        stride = 0 if time.ndim == 1 else times
+        self._library.rover_constant(
+            self._address, count, address(scenarios), times, address(time), stride, address(outputs)
+        )
+        return outputs[0], outputs[1], outputs[2], outputs[3], outputs[4]
+
+    def height_features(self, start: State, track: Track, controls: Controls, time_s: Array) -> Array:
+        """What the height at times would be for each of `heights` alone being 1, (time, HEIGHTS): to fit these."""
+        columns = []
+        for number in range(HEIGHTS):
+            heights = np.zeros(HEIGHTS)
+            heights[number] = 1.0
+            alone = Engine(replace(self.law, heights=heights))
+            numbers = start.numbers.copy()
+            numbers[1] = alone.law.number
+            columns.append(alone.drive(State(numbers), track, controls, time_s)[0].y_m)
+        return np.stack(columns, axis=1)
+
+    def step(
+        self,
+        states: Sequence[State] | Array,
+        slope_rad: Array | float,
+        torque_nm: Array | float,
+        brake: npt.NDArray[np.bool_] | bool,
+        dt_s: Array | float,
+        track: Track | None = None,
+    ) -> tuple[Array, Motion]:
+        """Advances rovers, each by its own `dt_s`: the new states (rover, SIZE) and their motion, columns (rover,).
+
+        The slope given holds under each rover's middle during its step; along a track it is not looked at. Raises
+        ValueError for states of another law, and for numbers that cannot be.
+        """
+        numbers = states_array(states).copy()
+        count = len(numbers)
+        inputs = np.empty((4, count))
+        for row, column in zip(inputs, (slope_rad, torque_nm, brake, dt_s), strict=True):
+            row[:] = column
+        _require((numbers[:, 1] == self._number).all(), "a state belongs to another law")
+        require_slopes(inputs[0])
+        _require(np.isfinite(inputs).all() and (inputs[1] >= 0).all(), "torques must be finite and not negative")
+        _require(
+            (inputs[3] >= SHORTEST_STEP_S).all() and (inputs[3] <= MOST_S).all(),
+            f"dt_s must be {SHORTEST_STEP_S:g} to {MOST_S:g}",
+        )
+        outputs = np.empty((OUTPUTS, count))
+        along = None if track is None else track.compiled()
+        self._library.rover_step(
+            self._address,
+            count,
+            address(numbers),
+            address(inputs),
+            None if along is None else addressof(along),
+            address(outputs),
+        )
+        return numbers, Motion(*outputs)
+
+    def _require_own(self, state: State) -> None:
+        if state.law != self._number:
+            raise ValueError("the state belongs to another model, or to another version of this one: start anew")
+
+
+def states_array(states: Sequence[State] | Array) -> Array:
+    """States as numbers (rover, SIZE)."""
+    if isinstance(states, np.ndarray):
+        _require(states.ndim == 2 and states.shape[1] == SIZE, f"states must be (rover, {SIZE}), got {states.shape}")
+        return contiguous(states)
+    return np.array([state.numbers for state in states]).reshape(-1, SIZE)
+
+
+def _times(time_s: Array) -> Array:
+    times = contiguous(time_s)
+    _require(times.ndim == 1, f"times must be (time,), got {times.shape}")
+    _require_times(times)
+    return times
+
+
+def _require_times(times: Array) -> None:
+    _require((np.diff(times) >= 0).all(), "times must not fall")
+    if times.size:
+        _require(times[..., 0].min() >= 0 and times[..., -1].max() <= MOST_S, f"times must be 0 to {MOST_S:g} s")
+
+
+def _require(holds: bool | np.bool_, otherwise: str) -> None:
+    if not holds:
+        raise ValueError(otherwise)

@@ -1,0 +1,325 @@
+/* From states and inputs to states later on: cells of time one after another, and what is asked within them. */
+#include <math.h>
+#include <string.h>
+
+#include "drive.h"
+
+/* Cells are short until so long after an event; locked wheels need cells that are eight times shorter. */
+static const double short_cell_s = 0.02, cell_s = 0.05, short_until_s = 0.3, brake_cells = 8.0;
+static const double same_time_s = 1e-10;
+enum { ROVER_PIECE = 512 }; /* times that are written at once */
+
+void rover_start(const rover_law *law, double mass_kg, double start_speed_m_s, rover_state *state)
+{
+    memset(state, 0, sizeof *state);
+    state->format = ROVER_STATE_FORMAT;
+    state->law = law->number;
+    state->mass_kg = mass_kg;
+    state->speed_m_s = start_speed_m_s;
+    state->frontier_m = -1e9;
+    state->front_rim_m_s = state->rear_rim_m_s = 0.3;
+    for (int i = 0; i < ROVER_RUT_CELLS; i++)
+        state->ruts[i] = 1.0;
+}
+
+/* Slope at a distance. Searching begins at the interval found last, which a rover seldom leaves far behind. */
+static double slope_at(rover_motion *motion, double distance_m)
+{
+    const rover_track *track = motion->track;
+    int64_t last = track->count - 1, at = motion->interval;
+    if (!(distance_m > track->distance_m[0]))
+        return track->slope_rad[0];
+    if (distance_m >= track->distance_m[last])
+        return track->slope_rad[last];
+    while (at < last - 1 && distance_m >= track->distance_m[at + 1])
+        at++;
+    while (at > 0 && distance_m < track->distance_m[at])
+        at--;
+    motion->interval = at;
+    double width = track->distance_m[at + 1] - track->distance_m[at];
+    double part = width > 0.0 ? (distance_m - track->distance_m[at]) / width : 1.0;
+    return track->slope_rad[at] + part * (track->slope_rad[at + 1] - track->slope_rad[at]);
+}
+
+static double cell_length(double event_s, int brake)
+{
+    double length = event_s < short_until_s - same_time_s ? short_cell_s : cell_s;
+    return brake ? length / brake_cells : length;
+}
+
+/* Gives a state that has not moved yet the height it has under the inputs. */
+static void need_height(rover_motion *motion, rover_state *state, const rover_inputs *inputs)
+{
+    if (state->height_known != 0.0)
+        return;
+    state->torque_nm = inputs->brake ? 0.0 : inputs->torque_nm;
+    state->brake = inputs->brake ? 1.0 : 0.0;
+    state->slope_rad = inputs->slope_rad;
+    if (motion->track)
+        state->slope_rad = slope_at(motion, state->x_m + 0.5 * motion->place.law->wheelbase_m);
+    state->height_m = rover_law_height(&motion->place, state);
+    state->height_known = 1.0;
+}
+
+/* Sees to it that there is a cell with the present inputs: goes on with the one there is if it has them, else ends it
+ * and begins one. Returns whether it began one. */
+static int need_cell(rover_motion *motion, rover_state *state, const rover_inputs *inputs)
+{
+    double torque = inputs->brake ? 0.0 : inputs->torque_nm, brake = inputs->brake ? 1.0 : 0.0;
+    need_height(motion, state, inputs);
+    int same = state->torque_nm == torque && state->brake == brake;
+    for (int open = state->cell_s > 0.0;; open = 0) {
+        double length = open ? state->cell_s : cell_length(same ? state->event_s : 0.0, inputs->brake);
+        double slope = inputs->slope_rad;
+        if (motion->track)
+            slope = slope_at(motion, state->x_m + state->speed_m_s * length * 0.5 + 0.5 * motion->place.law->wheelbase_m);
+        if (open && same && state->slope_rad == slope && state->offset == inputs->offset)
+            return 0;
+        if (open) {
+            rover_law_finish(&motion->place, state, state->within_s);
+            continue;
+        }
+        if (!same)
+            state->event_s = 0.0;
+        state->torque_nm = torque;
+        state->brake = brake;
+        state->slope_rad = slope;
+        state->offset = inputs->offset;
+        state->cell_s = length;
+        rover_law_cell(&motion->place, motion->weights, state);
+        return 1;
+    }
+}
+
+void rover_motion_begin(rover_motion *motion, const rover_law *law, const double *numbers, const double *weights,
+                        const double *heights, const rover_track *track)
+{
+    rover_place_begin(&motion->place, law, numbers, heights);
+    motion->weights = weights;
+    motion->track = track;
+    motion->interval = 0;
+}
+
+static void rover_now(const rover_state *state, double *x_m, double *speed_m_s, double *height_m)
+{
+    *x_m = state->x_m;
+    *speed_m_s = state->speed_m_s;
+    *height_m = state->height_m;
+    if (!(state->cell_s > 0.0))
+        return;
+    rover_moved(state, state->within_s, x_m, speed_m_s);
+    *height_m += (state->next_height_m - state->height_m) / state->cell_s * state->within_s;
+}
+
+void rover_present(int64_t count, const rover_state *states, double *outputs)
+{
+    for (int64_t i = 0; i < count; i++) {
+        const rover_state *state = states + i;
+        rover_now(state, outputs + ROVER_X * count + i, outputs + ROVER_SPEED * count + i,
+                  outputs + ROVER_HEIGHT * count + i);
+        outputs[ROVER_FRONT * count + i] = state->front_rad_s;
+        outputs[ROVER_REAR * count + i] = state->rear_rad_s;
+        outputs[ROVER_SLOPE * count + i] = state->slope_rad;
+    }
+}
+
+/* Position and speed at times since the start of the present cell */
+#define MOVED_PARAMETERS                                                                                            \
+    (const rover_state *state, double start_s, int64_t count, const double *time_s, double *x_m, double *speed_m_s, \
+     double *height_m)
+ROVER_INLINE void moved_at MOVED_PARAMETERS
+{
+    rover_state kept; /* of which only this is used: it stays in registers */
+    kept.x_m = state->x_m;
+    kept.speed_m_s = state->speed_m_s;
+    kept.acceleration_m_s2 = state->acceleration_m_s2;
+    kept.rate_per_s = state->rate_per_s;
+    kept.cell_s = state->cell_s;
+    double height = state->height_m, rise = (state->next_height_m - height) / kept.cell_s;
+    for (int64_t i = 0; i < count; i++) {
+        double within = time_s[i] - start_s;
+        within = within > kept.cell_s - same_time_s ? kept.cell_s : within;
+        within = within > same_time_s ? within : 0.0;
+        rover_moved(&kept, within, x_m + i, speed_m_s + i);
+        height_m[i] = height + rise * within;
+    }
+}
+ROVER_VERSIONS(moved_at, MOVED_PARAMETERS, (state, start_s, count, time_s, x_m, speed_m_s, height_m))
+
+static void write_slopes(rover_motion *motion, double slope_rad, int64_t first, int64_t end, const rover_columns *to)
+{
+    double ahead = 0.5 * motion->place.law->wheelbase_m;
+    for (int64_t i = first; to->slope_rad && i < end; i++)
+        to->slope_rad[i] = motion->track ? slope_at(motion, to->x_m[i] + ahead) : slope_rad;
+}
+
+static void write(rover_motion *motion, const rover_state *state, double start_s, int64_t first, int64_t end,
+                  const double *time_s, const rover_columns *to)
+{
+    for (int64_t i = first; i < end; i += ROVER_PIECE) {
+        double heights[ROVER_PIECE];
+        int64_t count = end - i < ROVER_PIECE ? end - i : ROVER_PIECE;
+        double *x = to->x_m + i, *speed = to->speed_m_s + i, *height = to->height_m ? to->height_m + i : heights;
+        if (count < 4)
+            moved_at(state, start_s, count, time_s + i, x, speed, height);
+        else
+            ROVER_CALL(motion->place.law->vector_bits, moved_at,
+                       (state, start_s, count, time_s + i, x, speed, height));
+    }
+    for (int64_t i = first; i < end; i++) {
+        to->front_rad_s[i] = state->front_rad_s;
+        to->rear_rad_s[i] = state->rear_rad_s;
+    }
+    write_slopes(motion, state->slope_rad, first, end, to);
+}
+
+int64_t rover_advance(rover_motion *motion, rover_state *state, const rover_inputs *inputs, double from_s,
+                      double until_s, int64_t times, const double *time_s, const rover_columns *to, int64_t at)
+{
+    /* Cells of one length begin at anchor + number * length: times are not summed up. */
+    double anchor = from_s - state->within_s, length = state->cell_s;
+    int64_t number = 0;
+    if (!(until_s - from_s > same_time_s))
+        return at;
+    for (int first_cell = 1;; first_cell = 0) {
+        double start = anchor + (double)number * length;
+        if (need_cell(motion, state, inputs) && (first_cell || state->cell_s != length)) {
+            anchor = start = first_cell ? from_s : start;
+            length = state->cell_s;
+            number = 0;
+        }
+        double end = start + length;
+        int whole = end <= until_s + same_time_s, last = end >= until_s - same_time_s;
+        int64_t asked = at;
+        while (at < times && time_s[at] <= (last ? until_s : end) + same_time_s)
+            at++;
+        if (at > asked)
+            write(motion, state, start, asked, at, time_s, to);
+        if (whole)
+            rover_law_finish(&motion->place, state, length);
+        else
+            state->within_s = until_s - start;
+        if (last || !(end < until_s))
+            return at;
+        number++;
+    }
+}
+
+/* What there is to say of a state before it moves */
+static void write_present(rover_motion *motion, const rover_state *state, double slope_rad, int64_t at,
+                          const rover_columns *to)
+{
+    double height;
+    rover_now(state, to->x_m + at, to->speed_m_s + at, to->height_m ? to->height_m + at : &height);
+    to->front_rad_s[at] = state->front_rad_s;
+    to->rear_rad_s[at] = state->rear_rad_s;
+    write_slopes(motion, slope_rad, at, at + 1, to);
+}
+
+static void observe(rover_motion *motion, rover_state *state, double x_m, double speed_m_s)
+{
+    if (state->cell_s > 0.0)
+        rover_law_finish(&motion->place, state, state->within_s);
+    state->x_m = x_m;
+    state->speed_m_s = speed_m_s;
+}
+
+void rover_follow(rover_motion *motion, rover_state *state, const rover_controls *controls, double slope_rad,
+                  double offset, int64_t times, const double *time_s, const rover_run *run, const rover_columns *to)
+{
+    double now = 0.0;
+    int64_t at = 0, control = 0;
+    rover_inputs first = {controls->torque_nm[0], slope_rad, offset, controls->brake[0] != 0.0};
+    need_height(motion, state, &first);
+    for (; at < times && !(time_s[at] > same_time_s); at++)
+        write_present(motion, state, slope_rad, at, to);
+    while (at < times) {
+        while (control + 1 < controls->count && controls->time_s[control + 1] <= now + same_time_s)
+            control++;
+        int64_t end = times, every = run ? run->force_every : 0;
+        if (every > 0) /* the next time whose number is a multiple */
+            end = (at + every - 1) / every * every + 1;
+        end = end < times ? end : times;
+        double until = time_s[end - 1];
+        if (control + 1 < controls->count && controls->time_s[control + 1] < until)
+            until = controls->time_s[control + 1];
+        until = rover_held(until, now, ROVER_MOST_S);
+        rover_inputs inputs = {controls->torque_nm[control], slope_rad, offset, controls->brake[control] != 0.0};
+        int64_t before = at;
+        at = rover_advance(motion, state, &inputs, now, until, end, time_s, to, at);
+        if (at == end && every > 0 && (end - 1) % every == 0)
+            observe(motion, state, run->observed_x_m[end - 1], run->observed_speed_m_s[end - 1]);
+        if (at == before && !(until > now))
+            break;
+        state->time_s += until - now;
+        now = until;
+    }
+    for (; at < times; at++) /* beyond all time, or no time at all */
+        to->x_m[at] = to->speed_m_s[at] = to->front_rad_s[at] = to->rear_rad_s[at] = NAN;
+}
+
+void rover_drive(const rover_law *law, rover_state *state, const rover_track *track, const rover_controls *controls,
+                 double offset, int64_t times, const double *time_s, double *outputs)
+{
+    rover_motion motion;
+    rover_motion_begin(&motion, law, law->parameters, law->weights, law->heights, track);
+    rover_columns to = {outputs + ROVER_X * times, outputs + ROVER_SPEED * times, outputs + ROVER_FRONT * times,
+                        outputs + ROVER_REAR * times, outputs + ROVER_HEIGHT * times,
+                        outputs + ROVER_SLOPE * times};
+    rover_follow(&motion, state, controls, 0.0, offset, times, time_s, NULL, &to);
+}
+
+void rover_constant(const rover_law *law, int64_t count, const double *scenarios, int64_t times, const double *time_s,
+                    int64_t stride, double *outputs)
+{
+    rover_motion motion;
+    rover_motion_begin(&motion, law, law->parameters, law->weights, law->heights, NULL);
+    const double always = 0.0;
+    for (int64_t i = 0; i < count; i++) {
+        const double *one = scenarios + i;
+        rover_state state;
+        rover_start(law, one[count], one[3 * count], &state);
+        rover_controls controls = {1, &always, &one[2 * count], &always};
+        double *first = outputs + i * times;
+        int64_t block = count * times;
+        rover_columns to = {first, first + block, first + 2 * block, first + 3 * block, first + 4 * block, NULL};
+        rover_follow(&motion, &state, &controls, one[0], one[4 * count], times, time_s + i * stride, NULL, &to);
+    }
+}
+
+void rover_step(const rover_law *law, int64_t count, rover_state *states, const double *inputs,
+                const rover_track *track, double *outputs)
+{
+    rover_motion motion;
+    rover_motion_begin(&motion, law, law->parameters, law->weights, law->heights, track);
+    for (int64_t i = 0; i < count; i++) {
+        rover_inputs with = {inputs[count + i], inputs[i], 0.0, inputs[2 * count + i] != 0.0};
+        double duration = rover_held(inputs[3 * count + i], 0.0, ROVER_MOST_S);
+        rover_state *state = states + i;
+        rover_columns none = {0};
+        rover_advance(&motion, state, &with, 0.0, duration, 0, NULL, &none, 0);
+        state->time_s += duration;
+        rover_columns to = {outputs + ROVER_X * count, outputs + ROVER_SPEED * count, outputs + ROVER_FRONT * count,
+                            outputs + ROVER_REAR * count, outputs + ROVER_HEIGHT * count,
+                            outputs + ROVER_SLOPE * count};
+        write_present(&motion, state, with.slope_rad, i, &to);
+    }
+}
+
+void rover_sweep(const rover_law *law, int64_t rows, int64_t width, const double *numbers, int64_t runs,
+                 const rover_run *run, const int64_t *offsets, int64_t stride, double *outputs)
+{
+    for (int64_t row = 0; row < rows; row++) {
+        const double *these = numbers + row * width, *weights = these + sizeof(rover_parameters) / sizeof(double);
+        for (int64_t i = 0; i < runs; i++) {
+            rover_motion motion;
+            rover_state state;
+            rover_motion_begin(&motion, law, these, weights, NULL, &run[i].track);
+            rover_start(law, run[i].mass_kg, run[i].start_speed_m_s, &state);
+            double *first = outputs + row * stride + offsets[i];
+            int64_t block = rows * stride;
+            rover_columns to = {first, first + block, first + 2 * block, first + 3 * block, NULL, NULL};
+            rover_follow(&motion, &state, &run[i].controls, 0.0, 0.0, run[i].times, run[i].time_s, &run[i], &to);
+        }
+    }
+}
