@@ -35,7 +35,7 @@ types: $(VENV)/.dev ## mypy, strict
 	@$(BIN)/mypy --strict clients/python
 
 sanitize: $(VENV)/.dev ## the engine's tests under AddressSanitizer and UndefinedBehaviorSanitizer (where gcc has them)
-	@PYTEST=$(BIN)/pytest sh tests/learning/resistance/sanitize $(ARGS)
+	@PYTEST=$(BIN)/pytest sh tests/learning/drive/sanitize $(ARGS)
 
 bench: $(VENV)/.dev ## how fast, beside its floors (some minutes); writes docs/performance.md
 	@$(BIN)/python -m tests.benchmarks.serving $(ARGS)
@@ -73,7 +73,7 @@ $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Rover Twin needs Python 3.11 or newer: install python3 and python3-venv"; exit 1; }
 	@PYTHON="$(PYTHON)" VENV="$(VENV)" sh .ci/make-venv
 
-$(VENV)/.runtime: $(BIN)/python pyproject.toml constraints.txt hatch_build.py $(wildcard service/learning/resistance/native/*.[ch])
+$(VENV)/.runtime: $(BIN)/python pyproject.toml constraints.txt hatch_build.py $(wildcard service/learning/drive/native/*.[ch])
 	@echo "installing Rover Twin into $(VENV) (about a minute)"
 	@$(PIP) --editable .
 	@touch $@

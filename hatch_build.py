@@ -1,4 +1,4 @@
-"""Compiles the engine (`service/learning/resistance/native`) when the package is built or installed.
+"""Compiles the engine (`service/learning/drive/native`) when the package is built or installed.
 
 The compiler comes from PyPI (`ziglang`, pinned in pyproject.toml): no machine needs its own, and all have the same.
 """
@@ -16,7 +16,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 from packaging.tags import platform_tags
 
-NATIVE = Path("service/learning/resistance/native")
+NATIVE = Path("service/learning/drive/native")
 LIBRARY = "librover.so"
 GLIBC = (2, 17)  # the oldest that binaries run with; PyTorch's need a newer one
 # For any processor of its kind: what gains from newer ones is chosen when it runs, see engine.h. Without

@@ -72,7 +72,7 @@ class TrainingJobRequest(_Asked):
             "x-allowed": "a list of 1 to 64 datasets: ids, unique starts of ids (6 digits or more), or names"
         },
     )
-    architecture: ArchitectureName = Field("resistance_process", description="The learned part; zero is none.")
+    architecture: ArchitectureName = Field("drive_model", description="The learned part; zero is none.")
     prior: PriorName = Field(_DEFAULTS["prior"], description="The closed-form part.")
     inputs: Annotated[tuple[InputName, ...], Field(min_length=1, max_length=16)] = Field(
         tuple(_DEFAULTS["inputs"]),

@@ -40,11 +40,12 @@ def calibrate_wheel_resistance(
     """The motion-resistance coefficient of `service.physics.wheel_speed`: median over the runs that say how the wheels
     turned while the motor law was in its linear range; None where none says so.
 
-    The median, since runs that slide back or stall make single values meaningless.
+    The median, since runs that slide back or stall make single values meaningless. Runs whose slope, torque or brake
+    change have no one speed of their wheels and do not count.
     """
     values = [
         motion_resistance_at(rover, regolith, run.scenario, run.mean_wheel_speed_rad_s)
         for run in runs
-        if run.mean_wheel_speed_rad_s is not None and run.mean_wheel_speed_rad_s > 0
+        if not run.varies and run.mean_wheel_speed_rad_s is not None and run.mean_wheel_speed_rad_s > 0
     ]
     return float(np.median(values)) if values else None

@@ -1,6 +1,6 @@
 """Checkpoint <-> model: a JSON description plus safetensors weights. The architecture comes from a closed table.
 
-A resistance process needs no torch; networks do, and `network_checkpoint` is imported when the first one comes by.
+A drive model needs no torch; networks do, and `network.checkpoint` is imported when the first one comes by.
 """
 
 from __future__ import annotations
@@ -12,17 +12,23 @@ import numpy as np
 import safetensors.numpy
 
 from service.errors import CheckpointError
-from service.learning.resistance.model import ResistanceProcess
+from service.learning.drive.model import DriveModel
 from service.learning.trajectory_model import TrajectoryModel
 from service.learning.weights import read_weights
 from service.physics.priors import describe_prior, restore_prior
 
-RESISTANCE_PROCESS = "resistance_process"
-_RESISTANCE_INPUTS = [
+DRIVE_MODEL = "drive_model"
+_DRIVE_INPUTS = [
     {"name": "slope_deg", "unit": "deg"},
     {"name": "mass_kg", "unit": "kg"},
     {"name": "torque_ratio", "unit": "1"},
 ]
+# Architectures of earlier versions of this program, and what to do about them.
+_FORMER = {
+    "resistance_process": "a resistance process, which the drive model has replaced: train anew on its datasets with "
+    "`rover-twin train ... --architecture drive_model`, or serve it with the release that trained it (code_version in "
+    "its manifest)"
+}
 _OUTPUTS = [{"name": "x_correction_m", "unit": "m"}, {"name": "y_correction_m", "unit": "m"}]
 
 
@@ -31,8 +37,8 @@ def describe_model(model: TrajectoryModel) -> dict[str, Any]:
 
     Raises TypeError for a model that has no form in a checkpoint.
     """
-    if isinstance(model, ResistanceProcess):
-        architecture, inputs = {"name": RESISTANCE_PROCESS, "arguments": model.describe()}, _RESISTANCE_INPUTS
+    if isinstance(model, DriveModel):
+        architecture, inputs = {"name": DRIVE_MODEL, "arguments": model.describe()}, _DRIVE_INPUTS
     else:
         from service.learning.network.checkpoint import describe_network  # noqa: PLC0415 - brings torch
 
@@ -47,7 +53,7 @@ def describe_model(model: TrajectoryModel) -> dict[str, Any]:
 
 def weights_bytes(model: TrajectoryModel) -> bytes:
     """The model's learned numbers as a safetensors file, little-endian. Raises TypeError as `describe_model` does."""
-    if isinstance(model, ResistanceProcess):
+    if isinstance(model, DriveModel):
         return safetensors.numpy.save({name: np.ascontiguousarray(array) for name, array in model.tensors().items()})
     from service.learning.network.checkpoint import network_bytes  # noqa: PLC0415 - brings torch
 
@@ -57,16 +63,18 @@ def weights_bytes(model: TrajectoryModel) -> bytes:
 def restore_model(description: Mapping[str, Any], weights: bytes) -> TrajectoryModel:
     """Inverse of `describe_model` and `weights_bytes`.
 
-    Raises CheckpointError when the description names something unknown, or when the weights are truncated, do not
-    fit the architecture or hold NaN or infinity (safetensors checks none of the latter).
+    Raises CheckpointError when the description names something unknown or an architecture of the past, or when the
+    weights are truncated, do not fit the architecture or hold NaN or infinity (safetensors checks none of the latter).
     """
     try:
         if description["outputs"] != _OUTPUTS:
             raise ValueError(f"outputs are {description['outputs']!r}, allowed is {_OUTPUTS!r}")  # noqa: TRY301
+        if former := _FORMER.get(str(description["architecture"]["name"])):
+            raise CheckpointError(f"this version is {former}")
         prior = restore_prior(description["prior"])
-        if description["architecture"]["name"] == RESISTANCE_PROCESS:
+        if description["architecture"]["name"] == DRIVE_MODEL:
             arrays = read_weights(safetensors.numpy.load, weights)
-            return ResistanceProcess.restore(description["architecture"]["arguments"], arrays, prior)
+            return DriveModel.restore(description["architecture"]["arguments"], arrays, prior)
         from service.learning.network.checkpoint import restore_network  # noqa: PLC0415 - brings torch
 
         return restore_network(description, prior, weights)

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from service.learning.neighbourhood import NearestRun, Neighbourhood
-from service.learning.observed import ObservedRun, scenarios_of
+from service.learning.observed import ObservedRun
 from service.physics.parameters import RegolithParameters, RoverParameters
 from service.physics.scenario import Array
-from service.physics.similarity import torque_ratio, torque_ratio_of
+from service.physics.similarity import torque_ratio_of
 
 # Judged in this order. torque_ratio is torque/(mass g wheel radius): a mass inside and a torque inside can still be
 # a pair that no run was near (DESIGN section 4).
@@ -138,18 +138,16 @@ class Domain:
     ) -> Self:
         """The ranges that the runs cover; every horizon from zero to the longest run is inside.
 
-        `left_out_errors_m` maps runs to their final error when they were left out; what it lacks is not known.
+        A run whose slope or torque changes covers all it went through; the neighbourhood has only runs that are one
+        scenario each. `left_out_errors_m` maps runs to their final error when they were left out; what it lacks is not
+        known.
         """
-        scenarios = scenarios_of(runs)
-        columns = {
-            "slope_deg": [run.slope_deg for run in runs],
-            "mass_kg": [run.mass_kg for run in runs],
-            "torque_nm": [run.torque_nm for run in runs],
-            "torque_ratio": torque_ratio(rover, regolith, scenarios).tolist(),
-            "horizon_s": [0.0, *(run.horizon_s for run in runs)],
-        }
-        spans = {field: (min(values), max(values)) for field, values in columns.items()}
-        return cls(spans, rover, regolith, Neighbourhood.of_runs(runs, rover, regolith, left_out_errors_m))
+        each = [_spans_of(run, rover, regolith) for run in runs]
+        spans = {name: (min(of[name][0] for of in each), max(of[name][1] for of in each)) for name in FIELDS}
+        spans["horizon_s"] = (0.0, spans["horizon_s"][1])
+        constant = [run for run in runs if not run.varies]
+        known = Neighbourhood.of_runs(constant, rover, regolith, left_out_errors_m) if constant else None
+        return cls(spans, rover, regolith, known)
 
     def judge(self, slope_deg: float, mass_kg: float, torque_nm: float, horizon_s: float) -> DomainVerdict:
         """The verdict on one scenario: that of `judge_many`, in plain numbers, which for one are faster than arrays."""
@@ -159,6 +157,13 @@ class Domain:
         if known is None:
             return DomainVerdict(not reasons, reasons)
         return _with_nearest(reasons, known.nearest_to(known.places_of(slope_deg, mass_kg, torque_nm)), known.limit)
+
+    def holds_run(self, run: ObservedRun) -> bool:
+        """Whether a run is inside: as `judge` has it, or, where it varies, by what it goes through alone."""
+        if not run.varies:
+            return self.judge(run.slope_deg, run.mass_kg, run.torque_nm, run.horizon_s).inside
+        went = _spans_of(run, self.rover, self.regolith)
+        return all(self.spans[name][0] <= went[name][0] <= went[name][1] <= self.spans[name][1] for name in FIELDS)
 
     def _reasons(self, values: Sequence[float]) -> tuple[DomainReason, ...]:
         """What is outside by itself; `values` are in the order of FIELDS."""
@@ -193,6 +198,23 @@ class Domain:
         spans = {field: (float(description[field][0]), float(description[field][1])) for field in FIELDS}
         known = Neighbourhood.restore(description, rover, regolith) if "runs" in description else None
         return cls(spans, rover, regolith, known)
+
+
+def _spans_of(run: ObservedRun, rover: RoverParameters, regolith: RegolithParameters) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of each field over one run. Braked wheels are driven by no torque: they do not count."""
+    slopes = np.round(np.degrees(run.slope_angle_rad), 6).tolist()
+    torques = run.torques_nm[~run.brakes] if run.varies else np.array([run.torque_nm])
+    torques = torques if len(torques) else np.array([run.torque_nm])
+    return {
+        "slope_deg": (min(slopes), max(slopes)),
+        "mass_kg": (run.mass_kg, run.mass_kg),
+        "torque_nm": (float(torques.min()), float(torques.max())),
+        "torque_ratio": (
+            torque_ratio_of(rover, regolith, run.mass_kg, float(torques.min())),
+            torque_ratio_of(rover, regolith, run.mass_kg, float(torques.max())),
+        ),
+        "horizon_s": (run.horizon_s, run.horizon_s),
+    }
 
 
 def _with_nearest(reasons: tuple[DomainReason, ...], runs: tuple[NearestRun, ...], limit: float) -> DomainVerdict:

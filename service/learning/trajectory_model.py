@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from service.learning.observed import ObservedRun
 from service.physics.prior import Prior
 from service.physics.scenario import Array, Motion, Positions, Scenarios
 
@@ -61,3 +62,11 @@ def motion_by_difference(
     found = positions(scenarios, times)
     x, before, after = (found.x_m[:, part * count : (part + 1) * count] for part in range(3))
     return Motion(x, found.y_m[:, :count], (after - before) / (2.0 * _STEP_S))
+
+@runtime_checkable
+class DrivesRuns(Protocol):
+    """What a model has besides that knows runs whose slope, torque or brake change underway."""
+
+    def drive_run(self, run: ObservedRun) -> Positions:
+        """Positions (m), shape (1, time) at the run's times, from its inputs: slopes, torques, brake and mass."""
+        ...

@@ -16,6 +16,8 @@ _PRIORS: dict[str, type[RigidSlope] | type[MotorSlope]] = {
     MotorSlope.name: MotorSlope,
 }
 PRIOR_NAMES = tuple(_PRIORS)
+DEFAULT_COEFFICIENTS: Mapping[str, float] = {RigidSlope.name: -0.14, MotorSlope.name: 0.34}
+"""What a prior keeps where no run calibrates it, dimensionless: what the shipped sets paper, mass and space give."""
 
 
 def make_prior(

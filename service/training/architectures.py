@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import torch
 
+from service.learning.drive.fit import fit_drive
+from service.learning.evaluate import PositionErrors
 from service.learning.left_out import left_out_slopes
 from service.learning.network.fit import FitOutcome, FitProgress, NetworkFit
 from service.learning.network.fit_state import FitState
@@ -18,7 +20,6 @@ from service.learning.network.model import PhysicsInformedModel
 from service.learning.network.residuals import make_residual
 from service.learning.network.rows import Rows, rows_of
 from service.learning.observed import ObservedRun, scenarios_of
-from service.learning.resistance.fit import fit_resistance_process
 from service.learning.split import Split, training_samples, validation_samples
 from service.learning.trajectory_model import TrajectoryModel
 from service.physics.prior import Prior
@@ -88,8 +89,8 @@ def begin_fit(
     return _BEGIN[prepared.config.architecture](prepared, resume, announce, check)
 
 
-def _begin_resistance(prepared: Prepared, _resume: FitState | None, announce: Announce, check: Check) -> Fitting:
-    return Fitting(lambda: _solve_resistance(prepared, announce, check))
+def _begin_drive(prepared: Prepared, _resume: FitState | None, announce: Announce, check: Check) -> Fitting:
+    return Fitting(lambda: _fit_drive(prepared, announce, check))
 
 
 def _begin_network(prepared: Prepared, resume: FitState | None, _announce: Announce, _check: Check) -> Fitting:
@@ -104,7 +105,7 @@ def _begin_network(prepared: Prepared, resume: FitState | None, _announce: Annou
 
 
 _BEGIN: Mapping[ArchitectureName, Callable[[Prepared, FitState | None, Announce, Check], Fitting]] = {
-    "resistance_process": _begin_resistance,
+    "drive_model": _begin_drive,
     "paper_network": _begin_network,
     "zero": _begin_network,
 }
@@ -120,20 +121,17 @@ def _fresh_network(config: TrainingConfig, prior: Prior, signature: InputSignatu
     return PhysicsInformedModel(prior, signature, make_residual(config.architecture, arguments))
 
 
-def _solve_resistance(prepared: Prepared, announce: Announce, check: Check) -> Fitted:
-    """Solved in one go: there are no epochs, and the validation loss is that of the left-out runs."""
+def _fit_drive(prepared: Prepared, announce: Announce, check: Check) -> Fitted:
+    """Fitted in one go: there are no epochs, and the validation loss is that of the left-out runs."""
     started = time.monotonic()
-    data, prior, runs = prepared.data, prepared.prior, prepared.split.train
-    fitted = fit_resistance_process(runs, data.rover, data.regolith, prior, progress=announce, check=check)
-    squares = [
-        np.mean((fitted.left_out[run.name].x_m[0] - run.x_m) ** 2 + (fitted.left_out[run.name].y_m[0] - run.y_m) ** 2)
-        for run in runs
-    ]
+    prior, runs, threads = prepared.prior, prepared.split.train, torch.get_num_threads()
+    fitted = fit_drive(runs, prior, progress=announce, check=check, threads=threads)
+    squares = [PositionErrors.between(fitted.left_out[run.name], run).rmse_m ** 2 for run in runs]
 
     def leave_one_out(series: Sequence[ObservedRun]) -> Mapping[str, Positions]:
         announce(f"leaving out one slope at a time of {len(series)} with the same mass and torque")
-        return fit_resistance_process(series, data.rover, data.regolith, prior, check=check).left_out
+        return fit_drive(series, prior, check=check, threads=threads).left_out
 
-    slopes = left_out_slopes(runs, leave_one_out)
+    slopes = left_out_slopes([run for run in runs if not run.varies], leave_one_out)
     outcome = FitOutcome(0, 0, float(np.mean(squares)), False, time.monotonic() - started, "cpu")
     return Fitted(fitted.model, outcome, fitted.left_out, slopes)

@@ -10,10 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from service.learning.network.fit_config import FitConfig
 
 PriorName = Literal["rigid_slope", "motor_slope"]
-ArchitectureName = Literal["resistance_process", "paper_network", "zero"]
-FEWEST_RUNS: Mapping[ArchitectureName, int] = {"resistance_process": 3, "paper_network": 1, "zero": 1}
+ArchitectureName = Literal["drive_model", "paper_network", "zero"]
+FEWEST_RUNS: Mapping[ArchitectureName, int] = {"drive_model": 3, "paper_network": 1, "zero": 1}
 """Training runs that each architecture needs. One that predicts left-out runs needs three, for its band."""
-TAKES_VARYING_RUNS: frozenset[ArchitectureName] = frozenset()
+TAKES_VARYING_RUNS: frozenset[ArchitectureName] = frozenset({"drive_model"})
 """Architectures that know what to do with runs whose slope, torque or brake change underway."""
 InputName = Literal["time_s", "slope_deg", "mass_kg", "torque_nm", "torque_ratio"]
 XForm = Literal["position", "mean_speed"]

@@ -10,7 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import StrMethodFormatter
 
-from service.learning.evaluate import RunEvaluation
+from service.learning.evaluate import LEAST_WAY_M, RunEvaluation
 from service.learning.observed import ObservedRun
 from service.physics.parameters import RegolithParameters, RoverParameters
 from service.physics.scenario import Array, Positions, Scenarios
@@ -18,7 +18,7 @@ from service.physics.similarity import torque_ratio
 from service.training.drawing import SMALLEST_CM, as_svg, log_cm, new_axes
 
 CLIMBS_ABOVE_M = 0.3  # a run that ends further up than this climbs; the others stall or slide back
-_SMALLEST_DISTANCE_M = 0.05  # relative errors: distance travelled, or this where that is less
+KINDS = ("climbing", "stalling or sliding", "drives")
 _TIMES = 101
 _WORST = 10
 
@@ -63,34 +63,36 @@ def left_out_report(
     }
 
 
-def climbs(run: RunEvaluation) -> bool:
-    """Whether the simulated rover ends clearly above where it started."""
-    return run.final_x_m > CLIMBS_ABOVE_M
-
-
-def relative_error(run: RunEvaluation) -> float:
-    """Final error over how far the rover got along the slope, or over 5 cm where that is less; dimensionless."""
-    return run.model.final_m / max(abs(run.final_x_m), _SMALLEST_DISTANCE_M)
+def kind_of(run: RunEvaluation) -> str:
+    """Of `KINDS`: a drive, where slope, torque or brake change; else whether the rover ends clearly above its start."""
+    return KINDS[2] if run.varies else KINDS[0] if run.final_x_m > CLIMBS_ABOVE_M else KINDS[1]
 
 
 _COLUMNS = (
-    "set", "runs", "count", "final median", "final p90", "final max", "max. median", "max. p90", "relative median",
-    "relative p90", "prior alone, final median",
+    "set", "runs", "count", "relative median", "relative p90", "on the way p90", "final median", "final p90",
+    "final max", "prior alone, final median",
 )  # fmt: skip
 
 
 def _page(evaluations: Sequence[RunEvaluation]) -> str:
     rows = [(*names, *_quantiles(runs)) for names, runs in _groups(evaluations)]
-    worst = sorted(evaluations, key=relative_error, reverse=True)[:_WORST]
+    worst = sorted(evaluations, key=lambda run: run.relative_final, reverse=True)[:_WORST]
     worst_rows = [
-        (run.run, f"{run.slope_deg:g}", f"{run.mass_kg:g}", f"{run.torque_nm:g}", f"{run.final_x_m:.3f}",
-         _cm(run.model.final_m), _cm(run.model.maximum_m), _percent(relative_error(run)))
+        (run.run, run.set_name, _at_start(run, run.slope_deg), f"{run.mass_kg:g}", _at_start(run, run.torque_nm),
+         f"{run.way_m:.3f}", f"{run.final_x_m:.3f}", _cm(run.model.final_m), _cm(run.model.maximum_m),
+         _percent(run.relative_final))
         for run in worst
     ]  # fmt: skip
-    worst_columns = ("run", "slope, °", "mass, kg", "torque, N m", "ends at x, m", "final", "max.", "relative")
+    worst_columns = (
+        "run", "set", "slope, °", "mass, kg", "torque, N m", "way, m", "ends at x, m", "final", "max.", "relative",
+    )  # fmt: skip
     return _PAGE.format(
-        table=_markdown(_COLUMNS, rows, left=2), count=len(worst), worst=_markdown(worst_columns, worst_rows, left=1)
+        table=_markdown(_COLUMNS, rows, left=2), count=len(worst), worst=_markdown(worst_columns, worst_rows, left=2)
     )
+
+
+def _at_start(run: RunEvaluation, value: float) -> str:
+    return f"from {value:g}" if run.varies else f"{value:g}"
 
 
 def _slopes_section(evaluations: Sequence[RunEvaluation]) -> str:
@@ -118,27 +120,28 @@ def _slope_rows(runs: Sequence[RunEvaluation]) -> Iterator[tuple[str, ...]]:
 
 
 def _groups(evaluations: Sequence[RunEvaluation]) -> Iterator[tuple[tuple[str, str], list[RunEvaluation]]]:
-    """Runs by set and by whether they climb, then all sets together; groups without runs are left out."""
+    """Runs by set and kind, then all sets together; groups without runs are left out."""
     sets = list(dict.fromkeys(run.set_name for run in evaluations))
     for name in [*sets, None] if len(sets) > 1 else sets:
         inside = [run for run in evaluations if name in (None, run.set_name)]
-        up = [run for run in inside if climbs(run)]
-        rest = [run for run in inside if not climbs(run)]
-        for kind, runs in (("climbing", up), ("stalling or sliding", rest), ("both", inside)):
-            if runs and not (kind == "both" and len(inside) in (len(up), len(rest))):
+        kinds = {kind: [run for run in inside if kind_of(run) == kind] for kind in KINDS}
+        for kind, runs in kinds.items():
+            if runs:
                 yield (name or "all sets", kind), runs
+        if all(len(runs) < len(inside) for runs in kinds.values()):
+            yield (name or "all sets", "all"), inside
 
 
 def _quantiles(runs: Sequence[RunEvaluation]) -> tuple[str, ...]:
     final = [run.model.final_m for run in runs]
-    maximum = [run.model.maximum_m for run in runs]
-    relative = [relative_error(run) for run in runs]
+    relative = [run.relative_final for run in runs]
+    prior = [run.prior.final_m for run in runs if run.prior is not None]
     return (
         str(len(runs)),
-        *(_cm(float(np.quantile(final, level))) for level in (0.5, 0.9, 1.0)),
-        *(_cm(float(np.quantile(maximum, level))) for level in (0.5, 0.9)),
         *(_percent(float(np.quantile(relative, level))) for level in (0.5, 0.9)),
-        _cm(float(np.median([run.prior.final_m for run in runs]))),
+        _percent(float(np.quantile([run.relative_maximum for run in runs], 0.9))),
+        *(_cm(float(np.quantile(final, level))) for level in (0.5, 0.9, 1.0)),
+        _cm(float(np.median(prior))) if prior else "",
     )
 
 
@@ -157,15 +160,15 @@ def _percent(share: float) -> str:
 
 
 def errors_figure(evaluations: Sequence[RunEvaluation], rover: RoverParameters, regolith: RegolithParameters) -> Figure:
-    """Final error of each run by colour, over slope and torque ratio; shapes tell climbing runs from others."""
+    """Final error of each run by colour, over slope and torque ratio (of drives at the start); shapes are kinds."""
     figure, axes = new_axes(
         "Final error of runs left out one at a time", "slope, °", "torque / (mass · gravity · wheel radius)"
     )
     error_cm = np.maximum([100 * run.model.final_m for run in evaluations], SMALLEST_CM)
     norm = LogNorm(float(error_cm.min()), max(float(error_cm.max()), 1.01 * float(error_cm.min())))
     drawn = None
-    for up, marker, words in ((True, "o", "climbs"), (False, "X", "stalls or slides")):
-        chosen = [index for index, run in enumerate(evaluations) if climbs(run) is up]
+    for kind, marker in zip(KINDS, ("o", "X", "D"), strict=True):
+        chosen = [index for index, run in enumerate(evaluations) if kind_of(run) == kind]
         if chosen:
             runs = [evaluations[index] for index in chosen]
             drawn = axes.scatter(
@@ -174,7 +177,7 @@ def errors_figure(evaluations: Sequence[RunEvaluation], rover: RoverParameters, 
                 c=error_cm[chosen], norm=norm, cmap="viridis_r", marker=marker, s=52, edgecolors="black",
                 linewidths=0.6,
             )  # fmt: skip
-            axes.plot([], [], marker, color="none", markerfacecolor="#bbbbbb", markeredgecolor="black", label=words)
+            axes.plot([], [], marker, color="none", markerfacecolor="#bbbbbb", markeredgecolor="black", label=kind)
     assert drawn is not None
     bar = figure.colorbar(drawn, ax=axes, label="distance from Chrono's final position, cm", pad=0.02)
     bar.ax.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -190,11 +193,9 @@ def time_figure(evaluations: Sequence[RunEvaluation], curves: Sequence[ErrorCurv
     """Median and 90th percentile, over the runs that last as long, of the error at each time."""
     figure, axes = new_axes("Error against time, runs left out one at a time", "time, s", "distance from Chrono, cm")
     log_cm(axes)
-    up = {run.run for run in evaluations if climbs(run)}
-    for words, colour, chosen in (
-        ("climbing", "#009E73", [curve for curve in curves if curve.run in up]),
-        ("stalling or sliding", "#D55E00", [curve for curve in curves if curve.run not in up]),
-    ):
+    kinds = {run.run: kind_of(run) for run in evaluations}
+    for words, colour in zip(KINDS, ("#009E73", "#D55E00", "#0072B2"), strict=True):
+        chosen = [curve for curve in curves if kinds[curve.run] == words]
         if not chosen:
             continue
         times = np.linspace(0.0, max(curve.time_s[-1] for curve in chosen), _TIMES)
@@ -215,9 +216,9 @@ _PAGE = f"""# Errors on left-out runs
 
 Each run was predicted without it; only what is chosen once for all runs, such as hyperparameters, stays as it is.
 Errors are distances between predicted and simulated positions of the reference wheel: *final* after the run's horizon,
-*max.* the largest during the run. *Relative* is the final error over the distance from the start that the rover reached
-along the slope, or over {100 * _SMALLEST_DISTANCE_M:g} cm where that is less.
-*Climbing* runs end above {CLIMBS_ABOVE_M:g} m.
+*max.* the largest during the run. *Relative* is the final error over the way that the rover went, up and down, or over
+{LEAST_WAY_M:g} m where it went less; *on the way* is the largest error over the same. In *drives* slope, torque or
+brake change, and a prior has no answer; of the other runs, *climbing* ones end above {CLIMBS_ABOVE_M:g} m.
 
 {{table}}
 

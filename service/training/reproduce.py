@@ -83,14 +83,14 @@ class Contestant:
         return "paper slopes without 28°" + (", and the space set" if self.space else "")
 
 
-PRINTED_PRIOR, PAPER_NETWORK, OURS = "printed_prior", "paper_network", "resistance_process"
+PRINTED_PRIOR, PAPER_NETWORK, OURS = "printed_prior", "paper_network", "drive_model"
 CONTESTANTS = (
     Contestant(PRINTED_PRIOR, "printed prior alone", "zero", "rigid_slope"),
     Contestant("motor_prior", "motor prior alone", "zero", "motor_slope"),
     Contestant(PAPER_NETWORK, "paper's network over the printed prior", "paper_network", "rigid_slope"),
     Contestant("network_over_motor", "paper's network over the motor prior", "paper_network", "motor_slope"),
-    Contestant(OURS, "our model", "resistance_process", "motor_slope"),
-    Contestant("resistance_process_space", "our model", "resistance_process", "motor_slope", space=True),
+    Contestant(OURS, "our model", "drive_model", "motor_slope"),
+    Contestant("drive_model_space", "our model", "drive_model", "motor_slope", space=True),
 )
 
 

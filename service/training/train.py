@@ -12,6 +12,7 @@ import torch
 
 from model_store import WEIGHTS, Lineage, Manifest, ManifestDraft, ModelStore
 from service.learning.band import BAND_FILE, Band
+from service.learning.band import FEWEST_RUNS as FEWEST_BAND_RUNS
 from service.learning.calibration import calibrate_prior, calibrate_wheel_resistance
 from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
@@ -20,7 +21,8 @@ from service.learning.network.fit import FitOutcome
 from service.learning.observed import ObservedRun, require_constant
 from service.learning.split import Split, split_runs
 from service.learning.trajectory_model import TrajectoryModel
-from service.physics.priors import make_prior
+from service.physics.prior import Prior
+from service.physics.priors import DEFAULT_COEFFICIENTS, make_prior
 from service.physics.scenario import Positions
 from service.training.architectures import Announce, Fitted, Prepared
 from service.training.config import TAKES_VARYING_RUNS, TrainingConfig
@@ -62,8 +64,14 @@ def prepare(store: ModelStore, config: TrainingConfig, announce: Announce) -> Pr
         data.runs, test_slopes_deg=config.test_slopes_deg, test_fraction=config.test_fraction, seed=config.fit.seed
     )
     announce(f"fitting on {len(split.train)} runs")
-    prior = calibrate_prior(make_prior(config.prior, 0.0, data.rover, data.regolith), split.train)
-    return Prepared(config, data, split, prior)
+    return Prepared(config, data, split, _prior(config, data, split))
+
+
+def _prior(config: TrainingConfig, data: TrainingData, split: Split) -> Prior:
+    """Calibrated on the training runs that it has an answer for; without any it keeps its default coefficient."""
+    prior = make_prior(config.prior, DEFAULT_COEFFICIENTS[config.prior], data.rover, data.regolith)
+    constant = [run for run in split.train if not run.varies]
+    return calibrate_prior(prior, constant) if constant else prior
 
 
 def evaluate_fitted(
@@ -85,13 +93,21 @@ def evaluate_fitted(
         split=split,
         outcome=fitted.outcome,
         domain=domain,
-        band=Band.calibrate(split.train, fitted.left_out, domain) if fitted.left_out else None,
+        band=_band(split, fitted, domain),
         train_evaluations=_evaluate_each(fitted.model, split.train, check),
         test_evaluations=_evaluate_each(fitted.model, split.test, check),
         left_out=fitted.left_out,
         left_out_evaluations=left_out,
         left_out_slope_evaluations=evaluate_positions(prepared.prior, of_series, fitted.left_out_slopes),
     )
+
+
+def _band(split: Split, fitted: Fitted, domain: Domain) -> Band | None:
+    """Of the runs that are one scenario each; None where they are too few, or nothing was left out."""
+    constant = [run for run in split.train if not run.varies]
+    if not fitted.left_out or len(constant) < FEWEST_BAND_RUNS:
+        return None
+    return Band.calibrate(constant, fitted.left_out, domain)
 
 
 def _evaluate_each(

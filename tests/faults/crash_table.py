@@ -60,7 +60,7 @@ CONFIGS = (
     {"architecture": "zero", "prior": "rigid_slope"},
     {"architecture": "paper_network", "prior": "motor_slope", "budget": {"max_epochs": 60}},
     {"architecture": "paper_network", "prior": "rigid_slope", "budget": {"max_epochs": 12}},
-    {"architecture": "resistance_process"},
+    {"architecture": "drive_model"},
 )
 _PROMOTED = (True, True, False, True)
 _LONGEST_PAUSE_S = 0.3

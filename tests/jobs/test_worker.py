@@ -180,7 +180,7 @@ def test_told_to_end_a_worker_hands_its_job_back(store, jobs, start, expected, c
     assert store.versions("killed") == [1]
 
 
-@pytest.mark.parametrize("architecture", ["paper_network", "resistance_process"])
+@pytest.mark.parametrize("architecture", ["paper_network", "drive_model"])
 def test_a_cancelled_job_stops_within_seconds_and_leaves_nothing(store, jobs, start, clock, architecture):
     start()
     job_id = submit(store, jobs, architecture=architecture, budget=Budget(max_epochs=10_000))

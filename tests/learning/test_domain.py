@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.learning.domain import FIELDS, Domain
+from service.learning.observed import Controls
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.scenario import Scenarios
 from tests.learning.synthetic import HORIZON_S, synthetic_run, synthetic_runs
@@ -167,3 +169,37 @@ def test_chunks_do_not_show_in_verdicts(monkeypatch):
     parts = DOMAIN.judge_many(*columns)
 
     assert [parts[row] for row in range(50)] == [whole[row] for row in range(50)]
+
+
+def drive(slopes_deg, torques_nm, brake=None):
+    run = synthetic_run(10)
+    ramp = np.linspace(0.0, 1.0, len(run.time_s))
+    slopes, torques = (low + (high - low) * ramp for low, high in (slopes_deg, torques_nm))
+    return replace(run, name="drive", controls=Controls(np.radians(slopes), torques, brake))
+
+
+def test_a_drive_covers_what_it_goes_through_and_is_no_neighbour():
+    domain = Domain.of_runs([*synthetic_runs(), drive((-12.0, 27.0), (10.0, 150.0))], VIPER, LUNAR_REGOLITH)
+    assert domain.spans["slope_deg"] == (-12.0, 27.0)
+    assert domain.spans["torque_nm"] == (10.0, 150.0)
+    assert domain.neighbourhood.describe() == DOMAIN.neighbourhood.describe()
+
+
+def test_drives_alone_leave_a_domain_without_neighbours():
+    domain = Domain.of_runs([drive((0.0, 20.0), (40.0, 80.0))], VIPER, LUNAR_REGOLITH)
+    assert domain.neighbourhood is None
+    assert domain.judge(10.0, 430.0, 60.0, HORIZON_S).inside
+    assert Domain.restore(json.loads(json.dumps(domain.describe())), VIPER, LUNAR_REGOLITH).spans == domain.spans
+
+
+def test_a_drive_is_inside_while_all_it_goes_through_is():
+    assert all(DOMAIN.holds_run(run) for run in synthetic_runs())
+    assert DOMAIN.holds_run(drive((0.0, 20.0), (40.0, 80.0)))
+    assert not DOMAIN.holds_run(drive((0.0, 20.5), (40.0, 80.0)))
+    assert not DOMAIN.holds_run(drive((0.0, 20.0), (0.0, 80.0)))
+
+
+def test_what_motors_would_give_counts_only_while_the_brake_is_off():
+    released = np.linspace(0.0, 1.0, 81) >= 0.5
+    domain = Domain.of_runs([drive((10.0, 10.0), (0.0, 80.0), brake=~released)], VIPER, LUNAR_REGOLITH)
+    assert domain.spans["torque_nm"] == (40.0, 80.0)

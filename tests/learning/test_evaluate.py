@@ -1,17 +1,20 @@
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 
-from service.learning.evaluate import PositionErrors, evaluate, summarise
+from service.errors import TrainingError
+from service.learning.evaluate import PositionErrors, evaluate, summarise, way_m
 from service.learning.network.inputs import InputSignature
 from service.learning.network.model import PhysicsInformedModel
 from service.learning.network.residuals import make_residual
-from service.learning.observed import ObservedRun
+from service.learning.observed import Controls, ObservedRun
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.priors import make_prior
 from service.physics.scenario import Positions, Scenarios
-from tests.learning.synthetic import HORIZON_S, synthetic_runs
+from tests.learning.synthetic import HORIZON_S, synthetic_run, synthetic_runs
 
 
 def zero_model() -> PhysicsInformedModel:
@@ -56,3 +59,56 @@ def test_summary_takes_quantiles_over_runs():
 
 def test_no_runs_give_no_numbers():
     assert summarise([]) == {"runs": 0}
+
+
+def braked() -> ObservedRun:
+    run = synthetic_run(10)
+    return replace(run, name="braked", controls=Controls(brake=run.time_s > 2))
+
+
+@dataclass
+class Driven:
+    """A model that knows runs that vary: it says of each that it ends 2 cm too far."""
+
+    prior = make_prior("motor_slope", 0.3)
+    quick = True
+
+    def positions(self, scenarios: Scenarios, time_s: np.ndarray) -> Positions:
+        return self.prior.positions(scenarios, time_s)
+
+    def drive_run(self, run: ObservedRun) -> Positions:
+        return Positions(run.x_m[None] + 0.02, run.y_m[None])
+
+
+def test_a_run_that_varies_has_no_prior_beside_it():
+    evaluation, other = evaluate(Driven(), [braked(), synthetic_run(10)])
+    assert (evaluation.varies, other.varies) == (True, False)
+    assert evaluation.prior is None
+    assert evaluation.model.final_m == pytest.approx(0.02)
+    assert other.model == other.prior
+    assert summarise([evaluation]).keys() == {"runs", "model"}
+    assert summarise([evaluation, other])["prior"]["final_m"]["maximum"] == other.prior.final_m
+
+
+def test_a_model_that_does_not_know_such_runs_refuses_them():
+    with pytest.raises(TrainingError, match="braked"):
+        evaluate(zero_model(), [synthetic_run(5), braked()])
+
+
+def test_relative_errors_are_over_the_way_up_and_down_half_a_metre_at_least():
+    run = synthetic_run(10)
+    time = run.time_s
+    there_and_back = replace(run, x_m=1.0 - np.cos(2 * np.pi * time / time[-1]))
+    assert way_m(there_and_back) == pytest.approx(4.0, abs=0.01)
+    hardly = replace(run, x_m=0.1 * time / time[-1])
+    for each, way in ((there_and_back, way_m(there_and_back)), (hardly, 0.5)):
+        (found,) = evaluate(zero_model(), [each])
+        assert found.way_m == way_m(each)
+        assert found.relative_final == pytest.approx(found.model.final_m / way)
+        assert found.relative_maximum == pytest.approx(found.model.maximum_m / way)
+
+
+def test_vibration_is_no_way():
+    run = synthetic_run(10, samples=4001)
+    trembling = replace(run, x_m=run.x_m + 0.001 * np.sin(2 * np.pi * 200 * run.time_s))
+    assert way_m(trembling) == pytest.approx(way_m(run), abs=0.01)

@@ -11,7 +11,7 @@ from service.training.architectures import begin_fit
 from service.training.config import FEWEST_RUNS, ArchitectureName, TrainingConfig
 from service.training.train import evaluate_fitted, prepare
 
-CONFIG = TrainingConfig(model="unit", datasets=["unit"], architecture="resistance_process")
+CONFIG = TrainingConfig(model="unit", datasets=["unit"], architecture="drive_model")
 
 
 class StoppedError(Exception):

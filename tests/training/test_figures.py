@@ -6,13 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from service.learning.evaluate import PositionErrors, RunEvaluation
+from service.learning.evaluate import PositionErrors, RunEvaluation, way_m
 from service.learning.network.fit_config import FitConfig
+from service.learning.observed import Controls
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.scenario import Positions
 from service.training.drawing import RENDERERS
 from service.training.figures import STYLES, reproduction_figures
-from service.training.report import climbs, error_curves, left_out_report, relative_error
+from service.training.report import KINDS, error_curves, kind_of, left_out_report
 from service.training.reproduce import CONTESTANTS, Effort, Reproduction, Row, Trial, set_course
 from tests.learning.synthetic import synthetic_run
 from tests.training.test_reproduce import paper_store
@@ -83,10 +84,12 @@ def test_a_png_is_a_png(twice):
 
 
 def left_out():
-    """Runs that climb and one that does not, each predicted 1 cm, 2 cm, ... away."""
+    """Runs that climb, one that does not and one that varies, each predicted 1 cm, 2 cm, ... away."""
     runs = [synthetic_run(slope) for slope in (0, 5, 10, 15, 20)]
     stalled = replace(synthetic_run(30), x_m=np.full(81, 0.01))
-    runs = [replace(run, set_name="paper" if number < 3 else "space") for number, run in enumerate([*runs, stalled])]
+    drive = replace(synthetic_run(12), controls=Controls(brake=stalled.time_s > 3.0))
+    sets = ["paper"] * 3 + ["space"] * 3 + ["drive"]
+    runs = [replace(run, set_name=name) for name, run in zip(sets, [*runs, stalled, drive], strict=True)]
     positions = {
         run.name: Positions(run.x_m[None] + 0.01 * number, run.y_m[None]) for number, run in enumerate(runs, start=1)
     }
@@ -94,7 +97,10 @@ def left_out():
     for run in runs:
         errors = PositionErrors.between(positions[run.name], run)
         scenario = run.slope_deg, run.mass_kg, run.torque_nm, run.horizon_s
-        evaluations.append(RunEvaluation(run.name, run.set_name, *scenario, float(run.x_m[-1]), errors, errors))
+        went = float(run.x_m[-1]), way_m(run), run.varies
+        evaluations.append(
+            RunEvaluation(run.name, run.set_name, *scenario, *went, errors, None if run.varies else errors)
+        )
     return evaluations, error_curves(runs, positions)
 
 
@@ -116,21 +122,25 @@ def test_the_left_out_report_is_small_files_that_are_the_same_each_time(report):
 
 
 @pytest.mark.slow
-def test_the_left_out_table_tells_sets_and_climbing_runs_apart(report):
+def test_the_left_out_table_tells_sets_and_kinds_apart(report):
     page = report["report/left_out.md"].decode()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line[:1] == "|"]
-    found = {(row[0], row[1]): row[2:] for row in rows if row[1] in ("climbing", "stalling or sliding", "both")}
+    found = {(row[0], row[1]): row[2:] for row in rows if row[1] in (*KINDS, "all")}
     assert {names: int(cells[0]) for names, cells in found.items()} == {
         ("paper", "climbing"): 3,
         ("space", "climbing"): 2,
         ("space", "stalling or sliding"): 1,
-        ("space", "both"): 3,
+        ("space", "all"): 3,
+        ("drive", "drives"): 1,
         ("all sets", "climbing"): 5,
         ("all sets", "stalling or sliding"): 1,
-        ("all sets", "both"): 6,
+        ("all sets", "drives"): 1,
+        ("all sets", "all"): 7,
     }
-    assert found["paper", "climbing"][1:4] == ["2.00 cm", "2.80 cm", "3.00 cm"]
-    assert found["space", "stalling or sliding"][1] == "6.00 cm"
+    assert found["paper", "climbing"][4:7] == ["2.00 cm", "2.80 cm", "3.00 cm"]
+    assert found["space", "stalling or sliding"][1:5] == ["12.00 %", "12.00 %", "12.00 %", "6.00 cm"]
+    assert found["paper", "climbing"][-1] == "2.00 cm"
+    assert found["drive", "drives"][-1] == ""  # no prior has an answer
 
 
 @pytest.mark.slow
@@ -155,11 +165,9 @@ def test_without_series_there_is_no_such_section(report):
     assert left_out_report(evaluations, curves, VIPER, LUNAR_REGOLITH, evaluations).keys() == report.keys()
 
 
-def test_relative_errors_are_over_five_centimetres_at_least():
+def test_each_run_is_of_one_kind():
     evaluations, _ = left_out()
-    assert [climbs(run) for run in evaluations] == [True] * 5 + [False]
-    assert relative_error(evaluations[-1]) == pytest.approx(0.06 / 0.05)
-    assert relative_error(evaluations[0]) == pytest.approx(0.01 / evaluations[0].final_x_m)
+    assert [kind_of(run) for run in evaluations] == [KINDS[0]] * 5 + list(KINDS[1:])
 
 
 def test_error_curves_keep_the_first_and_the_last_error():

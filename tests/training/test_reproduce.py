@@ -90,7 +90,7 @@ def test_the_unseen_run_leaves_no_trace_in_a_prediction(reproduction, contestant
 
 
 def test_the_space_set_changes_the_contestant_that_learns_from_it(reproduction):
-    ours = [row.typical.unseen.x_m for row in reproduction.rows if row.contestant.architecture == "resistance_process"]
+    ours = [row.typical.unseen.x_m for row in reproduction.rows if row.contestant.architecture == "drive_model"]
     assert len(ours) == 2
     assert not np.array_equal(*ours)
 

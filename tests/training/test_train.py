@@ -95,7 +95,7 @@ def test_reports_are_json_with_every_run(store):
 
 @pytest.mark.slow
 def test_slopes_left_out_of_their_series_are_in_the_manifest_and_the_report(store):
-    everything = {"architecture": "resistance_process", "test_slopes_deg": [], "test_fraction": 0.0}
+    everything = {"architecture": "drive_model", "test_slopes_deg": [], "test_fraction": 0.0}
     manifest = published(store, CONFIG.model_copy(update=everything))
     rows = manifest.metrics["left_out_slopes"]["by_run"]
     assert sorted(row["slope_deg"] for row in rows) == [0, 5, 10, 15, 20]
@@ -155,7 +155,7 @@ def _rest(run):
     return run.set_name, run.slope_deg, run.mass_kg, run.torque_nm, run.horizon_s, run.columns
 
 
-@pytest.mark.parametrize("architecture", ["resistance_process", "paper_network", "zero"])
+@pytest.mark.parametrize("architecture", ["drive_model", "paper_network", "zero"])
 def test_a_run_that_varies_is_never_taken_for_a_constant_one(store, architecture):
     put_dataset(store, "drives", varying_runs())
     names = [run.name for run in varying_runs() if run.varies]

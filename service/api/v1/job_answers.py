@@ -16,7 +16,7 @@ ADDRESS = "/v1/admin/training-jobs"
 EXAMPLE = {
     "model": "viper-lunar",
     "datasets": ["paper", "mass"],
-    "architecture": "resistance_process",
+    "architecture": "drive_model",
     "split": {"test_slopes_deg": [28]},
     "promote": "if_better",
 }

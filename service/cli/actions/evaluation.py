@@ -68,7 +68,8 @@ def evaluate_version(
     twin = load_twin(store, resolved.name, resolved.version)
     roles = roles_of(twin.manifest)
     judged = tuple(
-        JudgedRun(errors, roles.get(errors.run, "new"), _inside(twin, errors)) for errors in evaluate(twin.model, runs)
+        JudgedRun(errors, roles.get(errors.run, "new"), twin.domain.holds_run(run))
+        for run, errors in zip(runs, evaluate(twin.model, runs), strict=True)
     )
     return Evaluation(resolved.name, resolved.version, judged, _mismatches(twin, data))
 
@@ -90,10 +91,6 @@ def _at_slopes(runs: Sequence[ObservedRun], slopes_deg: Sequence[float]) -> list
             there = ", ".join(f"{each:g}" for each in sorted({run.slope_deg for run in runs}))
             raise UsageError(f"--slope-deg {slope:g}: no run is at this slope; there are {there}")
     return [run for run in runs if not slopes_deg or is_among(run.slope_deg, slopes_deg)]
-
-
-def _inside(twin: Twin, run: RunEvaluation) -> bool:
-    return twin.domain.judge(run.slope_deg, run.mass_kg, run.torque_nm, run.horizon_s).inside
 
 
 def _mismatches(twin: Twin, data: TrainingData) -> tuple[str, ...]:

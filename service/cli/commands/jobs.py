@@ -41,7 +41,7 @@ def start_job(
     ] = None,
     architecture: Annotated[
         ArchitectureName | None,
-        typer.Option(help="Learned part; zero is the prior alone. Default: resistance_process.", show_default=False),
+        typer.Option(help="Learned part; zero is the prior alone. Default: drive_model.", show_default=False),
     ] = None,
     inputs: Annotated[
         list[str] | None,

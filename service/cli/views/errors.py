@@ -28,8 +28,8 @@ def error_table(title: str, summary: Mapping[str, Any]) -> RenderableType:
         "error in cm", "model median", "p90", "max", "prior median", "p90", "max",
     )  # fmt: skip
     for name, words in _ROWS.items():
-        spreads = [summary[side][name] for side in ("model", "prior")]
-        table.add_row(words, *(_cm(spread[each]) for spread in spreads for each in _SPREAD))
+        spreads = [summary[side][name] if side in summary else {} for side in ("model", "prior")]
+        table.add_row(words, *(_cm(spread.get(each)) for spread in spreads for each in _SPREAD))
     return titled(f"{title}: model beside its prior alone", table)
 
 
@@ -41,11 +41,12 @@ def runs_table(rows: Sequence[tuple[RunEvaluation, str, bool]]) -> RenderableTyp
     )  # fmt: skip
     for run, role, inside in rows:
         names = ("final_m", "maximum_m", "rmse_x_m", "rmse_y_m")
-        errors = [f"{_cm(getattr(run.model, name))} | {_cm(getattr(run.prior, name))}" for name in names]
+        errors = [f"{_cm(getattr(run.model, name))} | {_cm(getattr(run.prior, name, None))}" for name in names]
         scenario = [f"{value:g}" for value in (run.slope_deg, run.mass_kg, run.torque_nm)]
         table.add_row(run.run, role, "inside" if inside else "outside", *scenario, *errors)
     return titled("error of each run in cm, model | prior alone", table)
 
 
-def _cm(metres: float) -> str:
-    return f"{100.0 * metres:.2f}"
+def _cm(metres: float | None) -> str:
+    """A dash where the prior has no answer: it knows no run whose slope, torque or brake change."""
+    return "-" if metres is None else f"{100.0 * metres:.2f}"

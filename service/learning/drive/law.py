@@ -15,8 +15,8 @@ from functools import cached_property
 
 import numpy as np
 
-from service.learning.drive.library import Basis as CompiledBasis
 from service.learning.drive.library import HEIGHTS, CompiledLaw, Parameters, address, contiguous, vector_bits
+from service.learning.drive.library import Basis as CompiledBasis
 from service.physics.parameters import RegolithParameters, RoverParameters
 from service.physics.scenario import Array
 

@@ -11,11 +11,11 @@ import numpy as np
 from service.learning.drive.engine import Engine
 from service.learning.drive.inputs import Controls, Track
 from service.learning.drive.law import HEIGHTS, PARAMETERS, Basis, Law
-from service.learning.drive.observations import controls_of, start_speed, track_of
+from service.learning.drive.recorded import controls_of, track_of
 from service.learning.drive.start import StartSpeeds, bump_count
 from service.learning.drive.state import State
 from service.learning.observed import ObservedRun
-from service.learning.resistance.stored import TensorReader
+from service.learning.tensor_reader import TensorReader
 from service.physics.prior import Prior
 from service.physics.scenario import Array, Positions, Scenarios
 
@@ -122,6 +122,3 @@ class DriveModel:
         starts = StartSpeeds(read.take("start.weights", (bump_count(),)), slope, mass)
         read.require_nothing_left()
         return cls(prior, law, starts)
-
-
-__all__ = ["DriveModel", "start_speed"]

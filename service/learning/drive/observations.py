@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from service.learning.drive.inputs import Controls, Track
+from service.learning.drive.recorded import controls_of, start_speed, track_of
 from service.learning.drive.sweep import SweptRun
 from service.learning.observed import ObservedRun
 from service.physics.parameters import RoverParameters
@@ -17,8 +17,6 @@ from service.physics.scenario import Array
 STEP_S = 0.05  # runs are resampled to this step: about a grouser's passage
 _INTERVALS, _LONG_INTERVALS, _LONG_S = 40, 60, 10.5  # times at which a run is compared; more of those that last longer
 _SPEED_SMOOTHING, _WHEEL_SMOOTHING = 2.0, 4.0  # in steps
-_START_S = 0.02  # the speed at release is the mean over this time
-_KNOT_M = 0.01  # of a track that is read off a run
 _WHEELS_FROM_S, _WHEEL_LEAST_RAD_S = 0.4, 0.05
 # What is left between a good law and a run, as fractions of the way (half a metre at least): where it climbs, and near
 # stalling or sliding, where small differences grow.
@@ -42,38 +40,6 @@ class Observation:
     wheels_count: Array  # (time,) of 0 and 1
     error_m: float
     forced_error_m: Array
-
-
-def track_of(run: ObservedRun, rover: RoverParameters) -> Track:
-    """The slope along a run's way, as it was under the rover's middle, half a wheelbase ahead of the rear wheel.
-
-    Where a run came by several times, the slopes met there are averaged.
-    """
-    if run.controls.slope_angle_rad is None:
-        return Track.constant(float(run.scenario.slope_angle_rad[0]))
-    middle = run.x_m - run.x_m[0] + 0.5 * rover.wheelbase_m
-    cells, place = np.unique(np.round(middle / _KNOT_M), return_inverse=True)
-    slopes = np.bincount(place, run.controls.slope_angle_rad) / np.bincount(place)
-    return Track(cells * _KNOT_M, slopes)
-
-
-def controls_of(run: ObservedRun) -> Controls:
-    """Torque and brake from each time on at which one of them changes."""
-    torque, brake = run.torques_nm, run.brakes
-    changes = np.flatnonzero((np.diff(torque) != 0) | (np.diff(brake.astype(int)) != 0)) + 1
-    first = np.concatenate([[0], changes])
-    times = run.time_s[first].copy()
-    times[0] = 0.0
-    return Controls(times, np.where(brake[first], 0.0, torque[first]), brake[first])
-
-
-def start_speed(run: ObservedRun) -> float:
-    """Speed (m/s) at release: the parked rover creeps. Of the body where that was recorded: wheels start with a jerk."""
-    if run.body_speed_m_s is not None:
-        return float(run.body_speed_m_s[0])
-    early = run.time_s <= run.time_s[0] + _START_S
-    early[:2] = True
-    return float(np.polyfit(run.time_s[early], run.x_m[early], 1)[0])
 
 
 def observe(run: ObservedRun, rover: RoverParameters) -> Observation:

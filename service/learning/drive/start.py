@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from service.learning.drive.recorded import start_speed
 from service.learning.observed import ObservedRun
-from service.learning.drive.observations import start_speed
 from service.physics.scenario import Array
 
 # Bumps over the slope (deg) and ln(mass / 550 kg); chosen by leaving out runs: 3 mm/s in the 90th percentile.

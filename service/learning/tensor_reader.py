@@ -39,4 +39,4 @@ class TensorReader:
     def require_nothing_left(self) -> None:
         """No tensor may be there that nobody asked for."""
         if self._left:
-            raise ValueError(f"tensors {', '.join(sorted(self._left))} are not part of a resistance process")
+            raise ValueError(f"tensors {', '.join(sorted(self._left))} are not part of this model")
