@@ -111,3 +111,10 @@ def test_a_missing_part_is_named(missing):
     del description[missing]
     with pytest.raises(CheckpointError, match=f"'{missing}' is missing"):
         restore_model(description, weights)
+
+
+def test_a_version_of_a_former_architecture_says_what_it_is_and_what_to_do():
+    description, weights = saved(model())
+    description["architecture"] = {"name": "resistance_process", "arguments": {}}
+    with pytest.raises(CheckpointError, match=r"a resistance process.*train anew.*--architecture drive_model.*release"):
+        restore_model(description, weights)

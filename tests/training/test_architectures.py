@@ -6,12 +6,14 @@ from typing import get_args
 
 import pytest
 
+from model_store import ModelStore
 from service.training import architectures
 from service.training.architectures import begin_fit
 from service.training.config import FEWEST_RUNS, ArchitectureName, TrainingConfig
 from service.training.train import evaluate_fitted, prepare
+from tests.training.stored import put_dataset, stored_runs
 
-CONFIG = TrainingConfig(model="unit", datasets=["unit"], architecture="drive_model")
+CONFIG = TrainingConfig(model="unit", datasets=["few"], architecture="drive_model")
 
 
 class StoppedError(Exception):
@@ -24,7 +26,15 @@ def fit(store, check):
     return evaluate_fitted(prepared, fitted, lambda _phase: None, check)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, slow):
+    """Few runs: they are fitted several times."""
+    store = ModelStore.open(tmp_path_factory.mktemp("architectures") / "store", create=True)
+    put_dataset(store, "few", stored_runs()[1:4])
+    return store
+
+
+@pytest.fixture(scope="module")
 def calls(store):
     count = 0
 
@@ -36,7 +46,6 @@ def calls(store):
     return count
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 0.7, 0.99])
 def test_a_check_that_raises_stops_the_fit_there(store, calls, share):
     left = at = int(share * calls)
@@ -53,8 +62,8 @@ def test_a_check_that_raises_stops_the_fit_there(store, calls, share):
 
 
 def test_there_are_checks_for_each_run_in_every_part(store, calls):
-    # the covariances of resistance and height, the left-out predictions, the evaluation
-    assert calls >= 4 * store.dataset("unit").summary["runs"]
+    # the steps of the fit, the left-out predictions, the evaluation
+    assert calls >= 10 + 2 * store.dataset("few").summary["runs"]
 
 
 def test_every_architecture_can_be_fitted_and_says_how_many_runs_it_needs():

@@ -46,7 +46,8 @@ def test_the_champion_s_left_out_errors_keep_the_bars_that_it_met():
     assert np.quantile(climbing, 0.9) <= 0.06
 
 
-@pytest.mark.slow
+@pytest.mark.e2e
+@pytest.mark.timeout(1200)
 def test_the_champion_comes_again_from_its_manifest():
     # to a tenth of a millimetre for runs that climb: the last bits depend on the processor's linear algebra
     champion = SHIPPED.resolve("viper-lunar")

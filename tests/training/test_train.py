@@ -1,24 +1,29 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from model_store import DatasetNotFoundError
+from model_store import DatasetNotFoundError, ModelStore
 from service.errors import TrainingError
 from service.learning.network.fit_config import FitConfig
 from service.learning.network.fit_state import FitState
+from service.physics.priors import DEFAULT_COEFFICIENTS
 from service.physics.scenario import Scenarios
 from service.training.architectures import begin_fit
 from service.training.config import TrainingConfig
 from service.training.data import load_training_data
+from service.training.evidence import read_evidence
 from service.training.train import prepare, publish_trained
 from service.twin.load import load_twin
 from tests.training.stored import put_dataset, stored_runs, train_model, varying_runs
 
 QUICK = FitConfig(seed=2, epochs=3, batch_rows=128, rows_per_epoch=512)
+WHOLE = {"test_slopes_deg": [], "test_fraction": 0.0}
+DRIVES = [run for run in varying_runs() if run.varies]
 CONFIG = TrainingConfig(model="unit", datasets=["unit"], test_slopes_deg=[20], test_fraction=0.2, fit=QUICK)
 
 
@@ -93,10 +98,18 @@ def test_reports_are_json_with_every_run(store):
         assert [each["run"] for each in report["by_run"]] == manifest.lineage.split[part]
 
 
-@pytest.mark.slow
-def test_slopes_left_out_of_their_series_are_in_the_manifest_and_the_report(store):
-    everything = {"architecture": "drive_model", "test_slopes_deg": [], "test_fraction": 0.0}
-    manifest = published(store, CONFIG.model_copy(update=everything))
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory, slow):
+    """A store with a drive model of a dozen constant runs and two that vary, and its manifest."""
+    store = ModelStore.open(tmp_path_factory.mktemp("driven") / "store", create=True)
+    changed = [replace(run, name=f"{run.name}_varies", columns=_further(run.columns)) for run in DRIVES]
+    put_dataset(store, "drives", [*stored_runs(), *changed])
+    everything = {"datasets": ["drives"], "architecture": "drive_model", **WHOLE}
+    return store, published(store, CONFIG.model_copy(update=everything))
+
+
+def test_slopes_left_out_of_their_series_are_in_the_manifest_and_the_report(driven):
+    store, manifest = driven
     rows = manifest.metrics["left_out_slopes"]["by_run"]
     assert sorted(row["slope_deg"] for row in rows) == [0, 5, 10, 15, 20]
     assert {(row["mass_kg"], row["torque_nm"]) for row in rows} == {(430, 60)}
@@ -151,11 +164,52 @@ def test_a_config_that_cannot_be_names_the_field(field, value):
         TrainingConfig.model_validate(CONFIG.model_dump() | {field: value})
 
 
+def _further(columns):
+    return {**columns, "rear_x_m": 1.01 * columns["rear_x_m"]}
+
+
 def _rest(run):
     return run.set_name, run.slope_deg, run.mass_kg, run.torque_nm, run.horizon_s, run.columns
 
 
-@pytest.mark.parametrize("architecture", ["drive_model", "paper_network", "zero"])
+def test_runs_that_vary_are_trained_on_left_out_and_told_apart(driven):
+    store, manifest = driven
+    report = json.loads(store.read_file(manifest, "report/train.json"))
+    for rows in (manifest.metrics["left_out"]["by_run"], report["by_run"]):
+        assert len(rows) == 14
+        assert {row["run"] for row in rows if row["varies"]} == {"s5_m430_t60_varies", "s10_m430_t60_varies"}
+        assert all((row["prior"] is None) is row["varies"] for row in rows)
+    page = store.read_file(manifest, "report/left_out.md").decode()
+    assert "| unit | drives | 2 |" in page
+    assert manifest.domain["torque_nm"][0] == 0.0  # what the drive goes down to
+    assert len(manifest.domain["runs"]) == 12
+    evidence = read_evidence(store, manifest)
+    assert len(evidence.errors) == 14
+
+
+def test_the_prior_is_calibrated_on_the_constant_runs_alone(driven):
+    store, manifest = driven
+    put_dataset(store, "steady", stored_runs())
+    alone = prepare(store, CONFIG.model_copy(update={"datasets": ["steady"], **WHOLE}), lambda _phase: None).prior
+    assert manifest.checkpoint["prior"]["motion_resistance_coefficient"] == alone.coefficient
+    put_dataset(store, "varying", DRIVES)
+    config = CONFIG.model_copy(update={"datasets": ["varying"], "architecture": "drive_model", **WHOLE})
+    prior = prepare(store, config, lambda _phase: None).prior
+    assert prior.coefficient == DEFAULT_COEFFICIENTS[prior.name]
+
+
+@pytest.mark.slow
+def test_a_drive_model_of_drives_alone_has_neither_band_nor_neighbours(store):
+    put_dataset(store, "varying", [replace(run, name=f"{run.name}_{at}") for at in (1, 2) for run in DRIVES])
+    config = CONFIG.model_copy(update={"datasets": ["varying"], "architecture": "drive_model", **WHOLE})
+    manifest = published(store, config)
+    assert manifest.band is None
+    assert "runs" not in manifest.domain
+    twin = load_twin(store, "unit", manifest.version)
+    assert np.isfinite(twin.model.positions(Scenarios.of(5, 430, 60), np.linspace(0, 4, 9)).x_m).all()
+
+
+@pytest.mark.parametrize("architecture", ["paper_network", "zero"])
 def test_a_run_that_varies_is_never_taken_for_a_constant_one(store, architecture):
     put_dataset(store, "drives", varying_runs())
     names = [run.name for run in varying_runs() if run.varies]

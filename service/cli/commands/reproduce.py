@@ -153,10 +153,11 @@ Where training is random, cells are medians over seeds, with the range in parent
 - **Paper's network.** Five dense layers (30, 120, 500, 50, 2), ReLU, of time and slope, loss of equation (4);
   {seeds} seed(s), {epochs} epochs of {rows} samples drawn from the training runs. The figures show the seed with the
   median final error, over the printed prior.
-- **Our model.** Motor and traction laws for the drive, a Gaussian process for what the soil takes from it, integrated
-  over time. Nothing in it is random. Its hyperparameters are constants of the code, chosen once on all shipped runs. So
-  the run at 28° had a part in that choice, but none in the fit. The model learns from every sample: its entry under
-  "every 4th point" is an error on training samples. The figures show the row without the space set.
+- **Our model.** An equation of motion whose states are what the rover did to the ground: ruts, slip and digging, with
+  motors and traction of two axles. Its numbers are fitted to whole runs. Nothing in it is random. What is likely before
+  a fit is in the code, chosen once on all shipped runs. So the run at 28° had a part in that choice, but none in the
+  fit. The model learns from every sample: its entry under "every 4th point" is an error on training samples. The
+  figures show the row without the space set.
 - **The paper's rows.** Section 4: 1.9 m and 6.1 cm at 28°, 120 ms; section 4.2 calls the errors at 860 kg "pretty
   similar". The paper states no values for empty cells. Its abstract has other numbers (60 m reduced to 20 cm, 400 ms)
   without an experiment that gives them.
