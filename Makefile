@@ -58,10 +58,10 @@ datasets: $(VENV)/.runtime ## import those shipped datasets that the store lacks
 	for set in long stall threshold edge; do import $(CHRONO) $$set "--step-s 0.005" || exit 1; done; \
 	for set in steps drive kink; do import $(CHRONO_DRIVES) $$set "--step-s 0.005" || exit 1; done
 
-model: $(VENV)/.runtime ## train the shipped models from the shipped datasets (three minutes) as their next versions
-	@$(BIN)/rover-twin train --model viper-lunar --dataset paper --dataset mass --dataset space \
-		--architecture resistance_process --threads 1 --promote champion --actor "Rover Twin" \
-		--description "VIPER on lunar regolith: the resistance process" $(ARGS)
+model: $(VENV)/.runtime ## train the shipped models from the shipped datasets (some minutes) as their next versions
+	@$(BIN)/rover-twin train --model viper-lunar $(addprefix --dataset ,paper mass space long stall threshold edge steps drive) \
+		--architecture drive_model --threads 2 --promote champion --actor "Rover Twin" \
+		--description "VIPER on lunar regolith: the drive model" $(ARGS)
 	@$(BIN)/rover-twin train --model viper-lunar-paper --dataset paper --dataset mass --dataset space --test-fraction 0.125 \
 		--seed 1 --epochs 200 --rows-per-epoch 40000 --threads 1 --promote champion --actor "Rover Twin" \
 		--description "VIPER on lunar regolith: the paper's network over the motor prior, for comparison" $(ARGS)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from service.jobs.failure import failure_of, worker_lost
 from service.jobs.job import JobEvent, JobFailure, JobProgress, JobResult, JobState, TrainingJob
-from service.jobs.request import TrainingJobRequest
+from service.jobs.request import stored_request
 
 if TYPE_CHECKING:
     from dbos import WorkflowStatus
@@ -33,7 +33,7 @@ def job_of(status: WorkflowStatus, note: dict[str, Any] | None = None) -> Traini
     return TrainingJob(
         id=status.workflow_id,
         state=state,
-        request=TrainingJobRequest.model_validate(request),
+        request=stored_request(request),
         actor=actor,
         created_at=moment(submitted_ms(status)),
         started_at=started,

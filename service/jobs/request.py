@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Literal
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, field_validator
 
@@ -33,6 +33,7 @@ _DEFAULTS = {name: field.default for name, field in TrainingConfig.model_fields.
 _FIT = FitConfig()
 _MOST_BYTES_LOOKED_AT = 256 << 20
 _NAMED = 4
+_REPLACED = {"resistance_process": "drive_model"}
 
 Slope = Annotated[float, Field(ge=-90, le=90)]
 
@@ -119,6 +120,14 @@ class TrainingJobRequest(_Asked):
             description=self.description,
             fit=FitConfig(seed=self.seed, epochs=self.budget.max_epochs),
         )
+
+
+def stored_request(content: Mapping[str, Any]) -> TrainingJobRequest:
+    """A request that was accepted, perhaps by an earlier release: an architecture that is gone is the one after it."""
+    name = content.get("architecture")
+    return TrainingJobRequest.model_validate(
+        {**content, "architecture": _REPLACED.get(name, name)} if name else content
+    )
 
 
 def check_request(store: ModelStore, request: TrainingJobRequest) -> TrainingJobRequest:

@@ -21,7 +21,7 @@ from model_store import CorruptArtefactError, FileEntry, StoreError
 from service.jobs.attempt import Attempt, Runner
 from service.jobs.failure import JobFailedError, failure_of
 from service.jobs.job import WORKFLOW, JobFailure, JobResult
-from service.jobs.request import TrainingJobRequest
+from service.jobs.request import TrainingJobRequest, stored_request
 from service.learning.evaluate import summarise
 from service.learning.network.fit_state import FitState
 from service.training.architectures import Fitting, Prepared, begin_fit
@@ -43,7 +43,7 @@ def register_workflow(runner: Runner) -> None:
         assert job_id is not None
         runner.enter(job_id)
         try:
-            return _Job(runner, job_id, TrainingJobRequest.model_validate(request), actor).run()
+            return _Job(runner, job_id, stored_request(request), actor).run()
         finally:
             runner.leave(job_id)
 

@@ -8,7 +8,7 @@ import pytest
 
 from model_store import Lineage, ManifestDraft, ModelStore
 from service.cli.actions.retraining import config_like, likeness
-from service.cli.failures import ExitCode
+from service.cli.failures import ExitCode, UsageError
 from tests.cli.conftest import call
 
 AGAIN = ("--no-publish", "--threads", "1")
@@ -111,3 +111,13 @@ def test_errors(small_store, words, code, says):
     answer = call("train", *words, *AGAIN, "--store", small_store)
     assert answer.code == code
     assert says in answer.error
+
+
+def test_a_version_of_a_former_architecture_names_it_among_the_changes(small_store):
+    original = ModelStore.open(small_store).manifest("rover", 1)
+    config = {**original.lineage.config, "architecture": "resistance_process"}
+    manifest = original.model_copy(update={"lineage": original.lineage.model_copy(update={"config": config})})
+    with pytest.raises(UsageError, match="architecture: Input should be 'drive_model'"):
+        config_like(manifest, {})
+    told = likeness(manifest, config_like(manifest, {"architecture": "zero"}), "00").changes
+    assert "architecture was resistance_process, is zero" in told

@@ -21,7 +21,7 @@ from service.errors import (
     QueueFullError,
 )
 from service.jobs.queue import JobQueue
-from service.jobs.request import Budget, SplitRequest, TrainingJobRequest, check_request
+from service.jobs.request import Budget, SplitRequest, TrainingJobRequest, check_request, stored_request
 from tests.fair_clock import fair_clock
 from tests.training.stored import put_dataset, stored_runs, varying_runs
 
@@ -293,3 +293,10 @@ def test_requests_out_of_range_are_no_requests(wrong):
     with pytest.raises(ValidationError):
         TrainingJobRequest.model_validate({"model": "my-rover", "datasets": ["unit"], **wrong})
     assert Budget().max_minutes > 0
+
+
+def test_a_job_that_an_earlier_release_accepted_is_read_as_what_replaced_its_architecture():
+    kept = another().model_dump(mode="json") | {"architecture": "resistance_process"}
+    assert stored_request(kept) == another(architecture="drive_model")
+    with pytest.raises(ValidationError, match="'drive_model', 'paper_network' or 'zero'"):
+        TrainingJobRequest.model_validate(kept)

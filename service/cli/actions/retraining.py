@@ -67,22 +67,30 @@ def likeness(manifest: Manifest, config: TrainingConfig, weights_sha256: str) ->
     """Compare what a config gave with the version it was taken from."""
     original = manifest.files[WEIGHTS].sha256
     same = weights_sha256 == original
-    changes = () if same else (*_cut_short(manifest), *_config_changes(manifest, config), *_code_changes(manifest))
+    changes = (
+        () if same else (*_cut_short(manifest, config), *_config_changes(manifest, config), *_code_changes(manifest))
+    )
     return Likeness(f"{manifest.name}@{manifest.version}", original, same, changes)
 
 
-def _cut_short(manifest: Manifest) -> list[str]:
+def _cut_short(manifest: Manifest, config: TrainingConfig) -> list[str]:
     """A job whose time was up stopped where its config does not say: no retraining ends at that epoch."""
     fit = manifest.metrics.get("fit")
     done, best = (fit.get("epochs"), fit.get("best_epoch")) if isinstance(fit, dict) else (None, None)
-    asked = config_like(manifest, {}).fit
+    asked = _original(manifest, config).fit
     if not (isinstance(done, int) and isinstance(best, int)) or not 0 < done < asked.epochs:
         return []
     return [f"its time was up after epoch {done} of {asked.epochs}"] if done - best < asked.patience_epochs else []
 
 
+def _original(manifest: Manifest, config: TrainingConfig) -> TrainingConfig:
+    """The version's config but for its architecture, which this release may know no more."""
+    return config_like(manifest, {"architecture": config.architecture})
+
+
 def _config_changes(manifest: Manifest, config: TrainingConfig) -> list[str]:
-    before, after = (_flat(each) for each in (config_like(manifest, {}), config))
+    before, after = (_flat(each) for each in (_original(manifest, config), config))
+    before |= {"architecture": manifest.lineage.config.get("architecture", before["architecture"])}
     return [f"{name} was {before[name]}, is {after[name]}" for name in before if before[name] != after[name]]
 
 
