@@ -134,8 +134,8 @@ _SUMMARISED = ("final_m", "maximum_m", "rmse_m", "rmse_x_m", "rmse_y_m")
 def summarise(evaluations: Sequence[RunEvaluation]) -> dict[str, Any]:
     """Median, 90th percentile and maximum over the runs of each error, for the model and for the prior alone.
 
-    The prior's are over the runs that it has an answer for. JSON values; with no runs only their count, and no prior
-    where it has no answer at all.
+    The prior's are over the runs that it has an answer for. `relative` has the model's final and largest errors over
+    the way. JSON values; with no runs only their count, and no prior where it has no answer at all.
     """
     summary: dict[str, Any] = {"runs": len(evaluations)}
     sides = {
@@ -145,6 +145,9 @@ def summarise(evaluations: Sequence[RunEvaluation]) -> dict[str, Any]:
     for side, errors in sides.items():
         if errors:
             summary[side] = {name: _spread([getattr(each, name) for each in errors]) for name in _SUMMARISED}
+    if evaluations:
+        final, maximum = ([getattr(each, f"relative_{name}") for each in evaluations] for name in ("final", "maximum"))
+        summary["relative"] = {"final": _spread(final), "maximum": _spread(maximum)}
     return summary
 
 

@@ -57,6 +57,12 @@ def test_summary_takes_quantiles_over_runs():
     }
 
 
+def test_summary_has_errors_relative_to_the_way():
+    evaluations = evaluate(zero_model(), synthetic_runs())
+    relative = [each.relative_final for each in evaluations]
+    assert summarise(evaluations)["relative"]["final"]["p90"] == pytest.approx(np.quantile(relative, 0.9))
+
+
 def test_no_runs_give_no_numbers():
     assert summarise([]) == {"runs": 0}
 
@@ -86,7 +92,7 @@ def test_a_run_that_varies_has_no_prior_beside_it():
     assert evaluation.prior is None
     assert evaluation.model.final_m == pytest.approx(0.02)
     assert other.model == other.prior
-    assert summarise([evaluation]).keys() == {"runs", "model"}
+    assert summarise([evaluation]).keys() == {"runs", "model", "relative"}
     assert summarise([evaluation, other])["prior"]["final_m"]["maximum"] == other.prior.final_m
 
 

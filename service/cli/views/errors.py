@@ -19,6 +19,7 @@ _ROWS = {
     "rmse_x_m": "rms in x",
     "rmse_y_m": "rms in y",
 }
+_RELATIVE_ROWS = {"final": "final, % of the way", "maximum": "maximum, % of the way"}
 _SPREAD = ("median", "p90", "maximum")
 
 
@@ -30,6 +31,9 @@ def error_table(title: str, summary: Mapping[str, Any]) -> RenderableType:
     for name, words in _ROWS.items():
         spreads = [summary[side][name] if side in summary else {} for side in ("model", "prior")]
         table.add_row(words, *(_cm(spread.get(each)) for spread in spreads for each in _SPREAD))
+    for name, words in _RELATIVE_ROWS.items():
+        if "relative" in summary:  # versions of earlier releases do without
+            table.add_row(words, *(_cm(summary["relative"][name][each]) for each in _SPREAD), *[""] * len(_SPREAD))
     return titled(f"{title}: model beside its prior alone", table)
 
 

@@ -94,7 +94,12 @@ def describe(manifest: Manifest, datasets: Mapping[str, str]) -> Iterator[Render
     yield _lineage(manifest, datasets)
     yield ""
     yield _domain(manifest.domain)
-    for key, title in (("test", "test runs, never seen in training"), ("train", "runs it was trained on")):
+    parts = {
+        "test": "test runs, never seen in training",
+        "left_out": "training runs, each predicted without it",
+        "train": "runs it was trained on",
+    }
+    for key, title in parts.items():
         found = manifest.metrics.get(key)
         summary = found.get("summary", found) if isinstance(found, dict) else None
         if isinstance(summary, dict) and "model" in summary:
