@@ -14,6 +14,7 @@ from service.physics.scenario import Array
 # Chosen by leave-one-run-out on the shipped runs among the settings of docs/fidelity.md, in units of `scaled_features`.
 MOTION_LENGTHS, STALL_LENGTHS = (1.2, 1.5, 2.5), (0.6, 0.7, 1.5)
 MOTION_BUMPS, STALL_BUMPS = 40, 24
+_MARGIN = 0.25  # of scaled features past the runs
 _STEEP = 1.0  # scaled slope (25 deg) from which a rover may stall
 
 
@@ -30,6 +31,12 @@ def bases_of(
         Basis(_spread(met, MOTION_BUMPS, np.array(MOTION_LENGTHS), middle), np.array(MOTION_LENGTHS)),
         Basis(_spread(steep, STALL_BUMPS, np.array(STALL_LENGTHS), 0), np.array(STALL_LENGTHS)),
     )
+
+
+def reach_of(observed: Sequence[Observation], rover: RoverParameters, regolith: RegolithParameters) -> Array:
+    """Lowest and highest of each scaled feature that the runs met, and a little more, (3, 2)."""
+    met = np.concatenate([_met(each, rover, regolith) for each in observed])
+    return np.stack([met.min(axis=0) - _MARGIN, met.max(axis=0) + _MARGIN], axis=-1)
 
 
 def _met(one: Observation, rover: RoverParameters, regolith: RegolithParameters) -> Array:

@@ -25,8 +25,9 @@ SHORTEST_STEP_S = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """Columns over times or rovers: x (m), speed (m/s), wheel speeds (rad/s), height y (m) of the rear wheel centre above the
-    undeformed surface, slope under the rover's middle (rad).
+    """Columns over times or rovers: x (m), speed (m/s), wheel speeds (rad/s), height y (m), slope (rad).
+
+    y is that of the rear wheel centre above the undeformed surface, the slope that under the rover's middle.
     """
 
     x_m: Array
@@ -109,16 +110,19 @@ class Engine:
             row[:] = column
         require_slopes(slopes)
         _require(np.isfinite(scenarios).all(), "scenarios must be finite")
-        _require((scenarios[1] > 0).all() and (scenarios[2] >= 0).all(), "masses must be positive, torques not negative")
+        _require(
+            (scenarios[1] > 0).all() and (scenarios[2] >= 0).all(), "masses must be positive, torques not negative"
+        )
         if time.ndim == 2:
             _require(len(time) == count, f"times {time.shape} do not fit {count} scenarios")
-        if not (np.diff(time) >= 0).all():
+        if not _rise(time):
             order = np.argsort(time, axis=-1, kind="stable")
-            found = self.constant(*scenarios[:4], np.take_along_axis(time, order, -1), scenarios[4])
+            sorted_time = np.take_along_axis(time, order, -1)
+            found = self.constant(slopes, mass_kg, torque_nm, start_speed_m_s, sorted_time, offset)
             back = np.broadcast_to(np.argsort(order, axis=-1), found[0].shape)
             x, speed, front, rear, y = (np.take_along_axis(each, back, -1) for each in found)
             return x, speed, front, rear, y
-        _require_times(time)
+        _require_range(time)
         times = time.shape[-1]
         outputs = np.empty((5, count, times))
         stride = 0 if time.ndim == 1 else times
@@ -193,12 +197,16 @@ def states_array(states: Sequence[State] | Array) -> Array:
 def _times(time_s: Array) -> Array:
     times = contiguous(time_s)
     _require(times.ndim == 1, f"times must be (time,), got {times.shape}")
-    _require_times(times)
+    _require(_rise(times), "times must not fall")
+    _require_range(times)
     return times
 
 
-def _require_times(times: Array) -> None:
-    _require((np.diff(times) >= 0).all(), "times must not fall")
+def _rise(times: Array) -> bool:
+    return bool((times[..., 1:] >= times[..., :-1]).all())
+
+
+def _require_range(times: Array) -> None:
     if times.size:
         _require(times[..., 0].min() >= 0 and times[..., -1].max() <= MOST_S, f"times must be 0 to {MOST_S:g} s")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from service.learning.drive.bases import bases_of
+from service.learning.drive.bases import bases_of, reach_of
 from service.learning.drive.engine import Engine
 from service.learning.drive.gauss_newton import Problem, minimise, without_each
 from service.learning.drive.height import fit_heights
@@ -57,6 +57,7 @@ def fit_drive(
     whitening = Whitening.of(motion, stall)
     count = 2 * len(motion) + len(stall)
     blank = Law(rover, regolith, parameters_of(np.zeros(len(PARAMETERS))), motion, stall, np.zeros(count))
+    blank = replace(blank, reach=reach_of(observed, rover, regolith))
 
     def tell(words: str) -> Callable[[int, float], None]:
         def heard(step: int, cost: float) -> None:

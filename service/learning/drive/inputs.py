@@ -46,10 +46,10 @@ class Track:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Controls:
-    """Stall torque of each wheel's motor (N m) and brake from each time (s) on; the first ones from the beginning.
+    """Stall torque of each wheel's motor (N m) and brake from each time (s) on; the first from the start.
 
-    Torque 0: motors off, wheels free. Brake: motors off, wheels locked, whatever the torque. Raises ValueError for none,
-    other shapes, times that fall, negative torques and numbers that are not finite.
+    Torque 0: motors off, wheels free. Brake: motors off, wheels locked, whatever the torque. Raises ValueError for
+    none, other shapes, times that fall, negative torques and numbers that are not finite.
     """
 
     time_s: Array

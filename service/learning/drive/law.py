@@ -23,20 +23,24 @@ from service.physics.scenario import Array
 _LANES = 8  # of native/law.c: bases come in multiples of these
 _NUMBER_BITS = 48  # a law's number is a whole one that a float64 holds
 
+_ANYWHERE = (-100.0, 100.0)  # of a scaled feature
+
 
 def _names() -> tuple[str, ...]:
     found: list[str] = []
-    for name, kind in Parameters._fields_:  # type: ignore[misc] # all have two entries
-        count = kind._length_ if issubclass(kind, ctypes.Array) else 0
-        found += [f"{name}_{i}" for i in range(count)] if count else [name]
+    for name, kind in Parameters._fields_:
+        count = ctypes.sizeof(kind) // ctypes.sizeof(ctypes.c_double)
+        found += [f"{name}_{i}" for i in range(count)] if count > 1 else [name]
     return tuple(found)
 
 
-PARAMETERS = _names()  # in the order of the vector; `dig_0` to `dig_3` are numbers of an affine function of the features
+PARAMETERS = (
+    _names()
+)  # in the order of the vector; `dig_0` to `dig_3` are numbers of an affine function of the features
 
 
 def scaled_features(slope_rad: Array, torque_ratio: Array, mass_kg: Array) -> Array:
-    """tan(slope), ln(ratio of the motors' torque to weight times radius), ln(mass), each centred and scaled; (..., 3)."""
+    """tan(slope), ln(torque ratio), ln(mass), each centred and scaled; (..., 3). The ratio is to weight by radius."""
     columns = (
         (np.tan(slope_rad) - 0.27) / 0.19,
         np.log((np.asarray(torque_ratio) + 0.05) / 0.37) / 0.55,
@@ -73,7 +77,8 @@ class Basis:
 @dataclass(frozen=True, eq=False)
 class Law:
     """A whole law. `parameters` (len(PARAMETERS),), `weights` (2 len(motion) + len(stall),), `heights` (HEIGHTS,): what
-    the height of the rear wheel centre is made of.
+    the height of the rear wheel centre is made of. `reach` (3, 2): lowest and highest of each scaled feature that runs have
+    shown; beyond, what was learned stays as it is at the edge.
 
     Raises ValueError for shapes that do not fit and numbers that are not finite.
     """
@@ -85,6 +90,7 @@ class Law:
     stall: Basis
     weights: Array
     heights: Array = field(default_factory=lambda: np.zeros(HEIGHTS))
+    reach: Array = field(default_factory=lambda: np.array([_ANYWHERE] * 3))
 
     def __post_init__(self) -> None:
         if np.shape(self.parameters) != (len(PARAMETERS),) or np.shape(self.weights) != (self.weight_count,):
@@ -92,6 +98,8 @@ class Law:
                 f"a law needs {len(PARAMETERS)} parameters and {self.weight_count} weights,"
                 f" got shapes {np.shape(self.parameters)} and {np.shape(self.weights)}"
             )
+        if np.shape(self.reach) != (3, 2) or not (np.isfinite(self.reach).all() and (np.diff(self.reach) >= 0).all()):
+            raise ValueError("a law needs a lowest and a highest value of each feature")
         if np.shape(self.heights) != (HEIGHTS,):
             raise ValueError(f"a law needs {HEIGHTS} numbers for heights, got shape {np.shape(self.heights)}")
         if not all(np.isfinite(each).all() for each in (self.parameters, self.weights, self.heights)):
@@ -137,6 +145,7 @@ class Law:
             *(each for basis in (self.motion, self.stall) for each in (basis.centres, basis.lengths)),
             self.weights,
             self.heights,
+            self.reach,
         ):
             numbers = np.ascontiguousarray(array, dtype="<f8")
             digest.update(np.array(numbers.shape, dtype="<i8").tobytes() + numbers.tobytes())
@@ -165,6 +174,7 @@ class LaidOutLaw:
             wheelbase_m=rover.wheelbase_m,
             centre_ahead_m=rover.centre_of_mass_ahead_of_rear_axle_m,
             centre_height_m=rover.centre_of_mass_height_m,
+            reach=tuple(map(float, np.ravel(law.reach))),
             rim_speed_m_s=rover.no_load_speed_rad_s * rover.wheel_radius_m,
             motion=self._basis(law.motion),
             stall=self._basis(law.stall),

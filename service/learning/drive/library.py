@@ -44,7 +44,7 @@ class Parameters(ctypes.Structure):
         *_numbers("share_shift height_rise_m rut_begin_m rut_end_m front_in_rut"),
         *_numbers("shear_lack shear_slip_m backing_relief backing_length_m"),
         *_numbers("resistance rut_resistance compaction_resistance front_rut_resistance speed_resistance"),
-        *_numbers("mass_exponent dig_length_m dig[4] near near_length_m far far_length_m early[28] along[21]"),
+        *_numbers("mass_exponent dig_length_m dig[4] near near_length_m far far_length_m early[28] along[21] back[7]"),
         *_numbers("turning_speed_m_s free_resistance free_rut_relief free_ratio"),
         *_numbers("back_resistance back_rut_relief back_spin_relief back_spin_m_s"),
         *_numbers("back_hold_relief back_hold_length_m gate_speed_m_s gate_width_m_s"),
@@ -63,7 +63,7 @@ class CompiledLaw(ctypes.Structure):
 
     _fields_: ClassVar[_Fields] = [
         ("vector_bits", _INTEGER),
-        *_numbers("number gravity_m_s2 wheel_radius_m wheelbase_m centre_ahead_m centre_height_m rim_speed_m_s"),
+        *_numbers("number gravity_m_s2 wheel_radius_m wheelbase_m centre_ahead_m centre_height_m rim_speed_m_s reach[6]"),
         ("motion", Basis),
         ("stall", Basis),
         ("parameters", _POINTER),
@@ -77,8 +77,11 @@ class CompiledState(ctypes.Structure):
 
     _fields_: ClassVar[_Fields] = [
         *_numbers("format law mass_kg time_s x_m speed_m_s event_s slip_path_m path_m dig furthest_m lowest_m"),
-        *_numbers("front_slip frontier_m front_rim_m_s rear_rim_m_s cell_s within_s slope_rad torque_nm brake offset"),
-        *_numbers("acceleration_m_s2 rate_per_s front_rad_s rear_rad_s height_known height_m next_height_m"),
+        *_numbers(
+            "front_slip frontier_m front_rim_m_s rear_rim_m_s cut_s cell_s within_s slope_rad torque_nm brake offset"
+        ),
+        *_numbers("acceleration_m_s2 rate_per_s front_rad_s rear_rad_s front_by_speed rear_by_speed"),
+        *_numbers("height_known height_m next_height_m"),
         ("ruts", _NUMBER * RUT_CELLS),
     ]
 

@@ -17,7 +17,7 @@ from service.learning.drive.state import State
 from service.learning.observed import ObservedRun
 from service.learning.tensor_reader import TensorReader
 from service.physics.prior import Prior
-from service.physics.scenario import Array, Positions, Scenarios
+from service.physics.scenario import Array, Motion, Positions, Scenarios
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,6 +35,7 @@ class DriveModel:
     engine: Engine = field(init=False, repr=False)
 
     quick: ClassVar[bool] = True
+    knows_wheel_speeds: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "engine", Engine(self.law))
@@ -48,7 +49,16 @@ class DriveModel:
 
     def positions_with(self, scenarios: Scenarios, time_s: Array, offset: Array | float) -> Positions:
         """The same where the resistance is larger by `offset`, a fraction of the weight, (scenario,) or one for all."""
-        motion = self.engine.constant(
+        x, _, _, _, y = self._constant(scenarios, time_s, offset)
+        return Positions(x, y)
+
+    def motion(self, scenarios: Scenarios, time_s: Array) -> Motion:
+        """The same with the speed along the slope and how fast the wheels of each axle turn."""
+        x, speed, front, rear, y = self._constant(scenarios, time_s, 0.0)
+        return Motion(x, y, speed, rear, front)
+
+    def _constant(self, scenarios: Scenarios, time_s: Array, offset: Array | float) -> tuple[Array, ...]:
+        return self.engine.constant(
             scenarios.slope_angle_rad,
             scenarios.mass_kg,
             scenarios.torque_nm,
@@ -56,7 +66,6 @@ class DriveModel:
             time_s,
             offset,
         )
-        return Positions(motion[0], motion[4])
 
     def start(self, mass_kg: float, slope_rad: float, start_speed_m_s: float | None = None) -> State:
         """A rover at the start of a drive; without a speed it is parked and let go, as in the simulations."""
@@ -94,6 +103,7 @@ class DriveModel:
             "stall.centres": self.law.stall.centres,
             "weights": self.law.weights,
             "heights": self.law.heights,
+            "reach": self.law.reach,
             "start.weights": self.starts.weights,
         }
 
@@ -118,6 +128,7 @@ class DriveModel:
             Basis(read.take("stall.centres", (stall, 3)), lengths[1]),
             read.take("weights", (2 * bumps + stall,)),
             heights=read.take("heights", (HEIGHTS,)),
+            reach=read.take("reach", (3, 2)),
         )
         starts = StartSpeeds(read.take("start.weights", (bump_count(),)), slope, mass)
         read.require_nothing_left()

@@ -12,7 +12,7 @@ import numpy as np
 from service.learning.drive.library import OUTPUTS, CompiledState, address, library
 from service.physics.scenario import Array
 
-_FIELDS = [name for name, _ in CompiledState._fields_]  # type: ignore[misc] # all have two entries
+_FIELDS = [name for name, _ in CompiledState._fields_]
 SIZE = ctypes.sizeof(CompiledState) // 8  # numbers of a state
 _AT = {name: at for at, name in enumerate(_FIELDS)}
 FORMAT = 1  # ROVER_STATE_FORMAT of native/engine.h
@@ -74,12 +74,12 @@ class State:
     @property
     def front_wheel_rad_s(self) -> float:
         """Speed of the front wheels, rad/s."""
-        return self._number("front_rad_s")
+        return float(self._now()[2])
 
     @property
     def rear_wheel_rad_s(self) -> float:
         """Speed of the rear wheels, rad/s."""
-        return self._number("rear_rad_s")
+        return float(self._now()[3])
 
     def to_bytes(self) -> bytes:
         """To be sent or kept; the same state has the same bytes on every machine."""

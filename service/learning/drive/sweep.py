@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,8 +19,8 @@ from service.physics.scenario import Array
 class SweptRun:
     """One run: what acted on it, and what was observed at times that rise.
 
-    Where `force_every` is not 0, the state takes `observed_x_m` and `observed_speed_m_s` at each so many-th time (0, k,
-    2k, ...), after its own are recorded: errors of the law then do not add up. Raises ValueError for other shapes and
+    Where `force_every` is not 0, the state takes `observed_x_m` and `observed_speed_m_s` at each so many-th time (k, 2k,
+    ...), after its own are recorded: errors of the law then do not add up. Raises ValueError for other shapes and
     for times that fall, are negative or not finite.
     """
 
@@ -61,15 +62,17 @@ class Sweep:
             raise ValueError(f"parameters {parameters.shape} and weights {weights.shape} do not fit the law")
         numbers = contiguous(numbers)
         total = int(self.offsets[-1])
-        parts = [part for part in np.array_split(np.arange(rows), threads) if len(part)]
+        cuts = np.linspace(0, rows, max(1, min(threads, rows)) + 1).astype(int)
+        parts = list(pairwise(cuts))
 
-        def swept(part: Array) -> Array:
-            outputs = np.empty((4, len(part), total))
+        def swept(part: tuple[int, int]) -> Array:
+            first, end = part
+            outputs = np.empty((4, end - first, total))
             library().rover_sweep(
                 self._laid_out.address,
-                len(part),
+                end - first,
                 width,
-                address(numbers[part[0] :]),
+                address(numbers[first:]),
                 len(self._runs),
                 self._compiled,
                 address(self.offsets),

@@ -6,7 +6,7 @@
 
 /* Cells are short until so long after an event; locked wheels need cells that are eight times shorter. */
 static const double short_cell_s = 0.02, cell_s = 0.05, short_until_s = 0.3, brake_cells = 8.0;
-static const double same_time_s = 1e-10;
+static const double same_time_s = 1e-10, shortest_cell_s = 1e-4;
 enum { ROVER_PIECE = 512 }; /* times that are written at once */
 
 void rover_start(const rover_law *law, double mass_kg, double start_speed_m_s, rover_state *state)
@@ -61,6 +61,16 @@ static void need_height(rover_motion *motion, rover_state *state, const rover_in
     state->height_known = 1.0;
 }
 
+/* How long a new cell shall last. Where a caller brings a new slope each time, it lasts as long as the last one did:
+ * what is said of a cell's middle is then true though the cell is to be cut. */
+static double next_length(const rover_motion *motion, rover_state *state, const rover_inputs *inputs, int same)
+{
+    double length = cell_length(same ? state->event_s : 0.0, inputs->brake);
+    if (motion->track || !same || state->slope_rad == inputs->slope_rad)
+        return length;
+    return state->cut_s > shortest_cell_s && state->cut_s < length ? state->cut_s : length;
+}
+
 /* Sees to it that there is a cell with the present inputs: goes on with the one there is if it has them, else ends it
  * and begins one. Returns whether it began one. */
 static int need_cell(rover_motion *motion, rover_state *state, const rover_inputs *inputs)
@@ -69,13 +79,14 @@ static int need_cell(rover_motion *motion, rover_state *state, const rover_input
     need_height(motion, state, inputs);
     int same = state->torque_nm == torque && state->brake == brake;
     for (int open = state->cell_s > 0.0;; open = 0) {
-        double length = open ? state->cell_s : cell_length(same ? state->event_s : 0.0, inputs->brake);
+        double length = open ? state->cell_s : next_length(motion, state, inputs, same);
         double slope = inputs->slope_rad;
         if (motion->track)
             slope = slope_at(motion, state->x_m + state->speed_m_s * length * 0.5 + 0.5 * motion->place.law->wheelbase_m);
         if (open && same && state->slope_rad == slope && state->offset == inputs->offset)
             return 0;
         if (open) {
+            state->cut_s = motion->track || !same || state->slope_rad == slope ? 0.0 : state->within_s;
             rover_law_finish(&motion->place, state, state->within_s);
             continue;
         }
@@ -100,33 +111,9 @@ void rover_motion_begin(rover_motion *motion, const rover_law *law, const double
     motion->interval = 0;
 }
 
-static void rover_now(const rover_state *state, double *x_m, double *speed_m_s, double *height_m)
-{
-    *x_m = state->x_m;
-    *speed_m_s = state->speed_m_s;
-    *height_m = state->height_m;
-    if (!(state->cell_s > 0.0))
-        return;
-    rover_moved(state, state->within_s, x_m, speed_m_s);
-    *height_m += (state->next_height_m - state->height_m) / state->cell_s * state->within_s;
-}
-
-void rover_present(int64_t count, const rover_state *states, double *outputs)
-{
-    for (int64_t i = 0; i < count; i++) {
-        const rover_state *state = states + i;
-        rover_now(state, outputs + ROVER_X * count + i, outputs + ROVER_SPEED * count + i,
-                  outputs + ROVER_HEIGHT * count + i);
-        outputs[ROVER_FRONT * count + i] = state->front_rad_s;
-        outputs[ROVER_REAR * count + i] = state->rear_rad_s;
-        outputs[ROVER_SLOPE * count + i] = state->slope_rad;
-    }
-}
-
 /* Position and speed at times since the start of the present cell */
-#define MOVED_PARAMETERS                                                                                            \
-    (const rover_state *state, double start_s, int64_t count, const double *time_s, double *x_m, double *speed_m_s, \
-     double *height_m)
+#define MOVED_PARAMETERS \
+    (const rover_state *state, double start_s, int64_t count, const double *time_s, const rover_columns *to)
 ROVER_INLINE void moved_at MOVED_PARAMETERS
 {
     rover_state kept; /* of which only this is used: it stays in registers */
@@ -136,15 +123,21 @@ ROVER_INLINE void moved_at MOVED_PARAMETERS
     kept.rate_per_s = state->rate_per_s;
     kept.cell_s = state->cell_s;
     double height = state->height_m, rise = (state->next_height_m - height) / kept.cell_s;
+    double front = state->front_rad_s, front_by_speed = state->front_by_speed;
+    double rear = state->rear_rad_s, rear_by_speed = state->rear_by_speed;
+    double *restrict x_m = to->x_m, *restrict speed_m_s = to->speed_m_s, *restrict height_m = to->height_m;
+    double *restrict front_rad_s = to->front_rad_s, *restrict rear_rad_s = to->rear_rad_s;
     for (int64_t i = 0; i < count; i++) {
         double within = time_s[i] - start_s;
         within = within > kept.cell_s - same_time_s ? kept.cell_s : within;
         within = within > same_time_s ? within : 0.0;
         rover_moved(&kept, within, x_m + i, speed_m_s + i);
         height_m[i] = height + rise * within;
+        front_rad_s[i] = front + front_by_speed * (speed_m_s[i] - kept.speed_m_s);
+        rear_rad_s[i] = rear + rear_by_speed * (speed_m_s[i] - kept.speed_m_s);
     }
 }
-ROVER_VERSIONS(moved_at, MOVED_PARAMETERS, (state, start_s, count, time_s, x_m, speed_m_s, height_m))
+ROVER_VERSIONS(moved_at, MOVED_PARAMETERS, (state, start_s, count, time_s, to))
 
 static void write_slopes(rover_motion *motion, double slope_rad, int64_t first, int64_t end, const rover_columns *to)
 {
@@ -159,16 +152,12 @@ static void write(rover_motion *motion, const rover_state *state, double start_s
     for (int64_t i = first; i < end; i += ROVER_PIECE) {
         double heights[ROVER_PIECE];
         int64_t count = end - i < ROVER_PIECE ? end - i : ROVER_PIECE;
-        double *x = to->x_m + i, *speed = to->speed_m_s + i, *height = to->height_m ? to->height_m + i : heights;
+        double *height = to->height_m ? to->height_m + i : heights;
+        rover_columns part = {to->x_m + i, to->speed_m_s + i, to->front_rad_s + i, to->rear_rad_s + i, height, NULL};
         if (count < 4)
-            moved_at(state, start_s, count, time_s + i, x, speed, height);
+            moved_at(state, start_s, count, time_s + i, &part);
         else
-            ROVER_CALL(motion->place.law->vector_bits, moved_at,
-                       (state, start_s, count, time_s + i, x, speed, height));
-    }
-    for (int64_t i = first; i < end; i++) {
-        to->front_rad_s[i] = state->front_rad_s;
-        to->rear_rad_s[i] = state->rear_rad_s;
+            ROVER_CALL(motion->place.law->vector_bits, moved_at, (state, start_s, count, time_s + i, &part));
     }
     write_slopes(motion, state->slope_rad, first, end, to);
 }
@@ -176,9 +165,12 @@ static void write(rover_motion *motion, const rover_state *state, double start_s
 int64_t rover_advance(rover_motion *motion, rover_state *state, const rover_inputs *inputs, double from_s,
                       double until_s, int64_t times, const double *time_s, const rover_columns *to, int64_t at)
 {
+    if (!(state->cell_s <= cell_s && state->within_s >= 0.0 && state->within_s <= state->cell_s))
+        state->cell_s = state->within_s = 0.0; /* of no state that was made here */
     /* Cells of one length begin at anchor + number * length: times are not summed up. */
     double anchor = from_s - state->within_s, length = state->cell_s;
     int64_t number = 0;
+    motion->place.rolled = 0;
     if (!(until_s - from_s > same_time_s))
         return at;
     for (int first_cell = 1;; first_cell = 0) {
@@ -205,14 +197,42 @@ int64_t rover_advance(rover_motion *motion, rover_state *state, const rover_inpu
     }
 }
 
-/* What there is to say of a state before it moves */
+/* What there is to say of a state as it is */
+static void write_now(const rover_state *state, const rover_columns *to, int64_t at)
+{
+    double height, *to_height = to->height_m ? to->height_m + at : &height;
+    rover_columns one = {to->x_m + at, to->speed_m_s + at, to->front_rad_s + at, to->rear_rad_s + at, to_height, NULL};
+    if (state->cell_s > 0.0) {
+        moved_at(state, 0.0, 1, &state->within_s, &one);
+        return;
+    }
+    *one.x_m = state->x_m;
+    *one.speed_m_s = state->speed_m_s;
+    *one.front_rad_s = state->front_rad_s;
+    *one.rear_rad_s = state->rear_rad_s;
+    *one.height_m = state->height_m;
+}
+
+static rover_columns columns_of(double *outputs, int64_t count)
+{
+    rover_columns to = {outputs + ROVER_X * count,    outputs + ROVER_SPEED * count,  outputs + ROVER_FRONT * count,
+                        outputs + ROVER_REAR * count, outputs + ROVER_HEIGHT * count, outputs + ROVER_SLOPE * count};
+    return to;
+}
+
+void rover_present(int64_t count, const rover_state *states, double *outputs)
+{
+    rover_columns to = columns_of(outputs, count);
+    for (int64_t i = 0; i < count; i++) {
+        write_now(states + i, &to, i);
+        to.slope_rad[i] = states[i].slope_rad;
+    }
+}
+
 static void write_present(rover_motion *motion, const rover_state *state, double slope_rad, int64_t at,
                           const rover_columns *to)
 {
-    double height;
-    rover_now(state, to->x_m + at, to->speed_m_s + at, to->height_m ? to->height_m + at : &height);
-    to->front_rad_s[at] = state->front_rad_s;
-    to->rear_rad_s[at] = state->rear_rad_s;
+    write_now(state, to, at);
     write_slopes(motion, slope_rad, at, at + 1, to);
 }
 
@@ -263,9 +283,7 @@ void rover_drive(const rover_law *law, rover_state *state, const rover_track *tr
 {
     rover_motion motion;
     rover_motion_begin(&motion, law, law->parameters, law->weights, law->heights, track);
-    rover_columns to = {outputs + ROVER_X * times, outputs + ROVER_SPEED * times, outputs + ROVER_FRONT * times,
-                        outputs + ROVER_REAR * times, outputs + ROVER_HEIGHT * times,
-                        outputs + ROVER_SLOPE * times};
+    rover_columns to = columns_of(outputs, times);
     rover_follow(&motion, state, controls, 0.0, offset, times, time_s, NULL, &to);
 }
 
@@ -299,9 +317,7 @@ void rover_step(const rover_law *law, int64_t count, rover_state *states, const 
         rover_columns none = {0};
         rover_advance(&motion, state, &with, 0.0, duration, 0, NULL, &none, 0);
         state->time_s += duration;
-        rover_columns to = {outputs + ROVER_X * count, outputs + ROVER_SPEED * count, outputs + ROVER_FRONT * count,
-                            outputs + ROVER_REAR * count, outputs + ROVER_HEIGHT * count,
-                            outputs + ROVER_SLOPE * count};
+        rover_columns to = columns_of(outputs, count);
         write_present(&motion, state, with.slope_rad, i, &to);
     }
 }

@@ -61,6 +61,7 @@ typedef struct {
     double dig_length_m, dig[4];
     double near, near_length_m, far, far_length_m;
     double early[28], along[21]; /* seven numbers for each knot of the way since standstill, and of the position */
+    double back[7];              /* the same for a rover that goes back */
     double turning_speed_m_s, free_resistance, free_rut_relief, free_ratio;
     double back_resistance, back_rut_relief, back_spin_relief, back_spin_m_s, back_hold_relief, back_hold_length_m;
     double gate_speed_m_s, gate_width_m_s;
@@ -81,6 +82,7 @@ typedef struct {
     int64_t vector_bits; /* rover_vector_bits(), or less */
     double number;       /* tells laws apart: states belong to one */
     double gravity_m_s2, wheel_radius_m, wheelbase_m, centre_ahead_m, centre_height_m, rim_speed_m_s;
+    double reach[6]; /* lowest and highest of each scaled feature; beyond, what was learned stays as at the edge */
     rover_basis motion, stall;
     const double *parameters; /* rover_parameters */
     const double *weights;
@@ -98,12 +100,14 @@ typedef struct {
     double dig;                                       /* how deep slipping has dug, 0 for not at all */
     double furthest_m, lowest_m;                      /* of all positions */
     double front_slip, frontier_m;                    /* lagged slip; where the front wheel has been, -1e9: nowhere */
-    double front_rim_m_s, rear_rim_m_s;               /* where the search for rim speeds begins */
+    double front_rim_m_s, rear_rim_m_s;               /* rim speeds; where the search for them begins */
+    double cut_s;                                     /* after so long the last cell was cut by a new slope, or 0 */
     /* the present cell: dv/dt = acceleration - rate (v - speed) */
     double cell_s, within_s;                          /* its length, 0 for none; the time gone by in it */
     double slope_rad, torque_nm, brake, offset;       /* its inputs */
     double acceleration_m_s2, rate_per_s;
-    double front_rad_s, rear_rad_s;                   /* wheel speeds, of the last cell if there is none */
+    double front_rad_s, rear_rad_s;                   /* wheel speeds, at the cell's start */
+    double front_by_speed, rear_by_speed;             /* how they change with the rover's, rad/m */
     double height_known, height_m, next_height_m;     /* 1 once there is one; at the cell's start and end */
     double ruts[ROVER_RUT_CELLS];                     /* front slip of ground cells, by their number modulo 64 */
 } rover_state;
@@ -121,7 +125,8 @@ typedef struct {
     const double *time_s, *torque_nm, *brake;
 } rover_controls;
 
-/* One run of a fit. Every `force_every`-th time (none if 0), state takes the speed and position observed there. */
+/* One run of a fit. At each `force_every`-th time after the first (none if 0) the state takes the position and speed
+ * observed there. */
 typedef struct {
     double mass_kg, start_speed_m_s;
     rover_track track;

@@ -13,10 +13,11 @@ static const double reference_mass_kg = 550.0, mass_spread = 0.33, reference_loa
 static const double slowest_m_s = 0.02;  /* slip is the difference of speeds over the faster one, at least this */
 static const double turning_m_s = 0.03;  /* rim speed at which adhesion holds a wheel fully */
 static const double early_knots_m[4] = {0.02, 0.08, 0.22, 0.5}, along_knots_m[3] = {1.05, 1.3, 1.7};
+static const double full_slip = 1.0 + 1e-9; /* at rest slip is 1 but for rounding: it changes there as it does in motion */
 static const double turned_m_s = 0.57;   /* from this rim speed on it does */
-static const double close_m_s = 1e-6;
+static const double close_m_s = 1e-8;
 static const double locked_rim_m_s = 0.2;
-static const double most_speed_m_s = 20.0, most_force = 4.0, most_ratio = 1e3, least_rate = 0.05, most_rate = 1e4;
+static const double most_speed_m_s = 20.0, most_force = 4.0, most_ratio = 1e3, most_by_speed = 2.0, least_rate = 0.05, most_rate = 1e4;
 static const double most_m = 1e9, most_dig = 1e3;
 
 static double smooth(double fraction)
@@ -72,7 +73,7 @@ static double shear_of_slip(const axle *a, double slip, double *slope)
         virgin = a->plateau * mean_shear(slip * a->per_slip, &virgin_slope);
         virgin_slope *= a->plateau * a->per_slip;
         virgin += a->linear * rover_held(slip, -0.5, 1.0);
-        virgin_slope += slip > -0.5 && slip < 1.0 ? a->linear : 0.0;
+        virgin_slope += slip > -0.5 && slip < full_slip ? a->linear : 0.0;
         if (a->ruts <= 0.0) {
             *slope = virgin_slope;
             return virgin;
@@ -99,7 +100,7 @@ static double excess(const axle *a, double per_no_load, double rim, double speed
         slip_by_rim = speed * inverse * inverse;
     else if (!slow)
         slip_by_speed -= slip * inverse * (speed < 0.0 ? -1.0 : 1.0);
-    if (slip > 1.0 || slip < -1.0) {
+    if (slip > full_slip || slip < -full_slip) {
         slip = slip > 1.0 ? 1.0 : -1.0;
         slip_by_rim = slip_by_speed = 0.0;
     }
@@ -115,8 +116,8 @@ static double excess(const axle *a, double per_no_load, double rim, double speed
 }
 
 /* Finds the rim speed at which motors and soil agree, from where it was last; returns what the motors give then, and its
- * slope over the rover's speed. */
-static double balance(const axle *a, double no_load, double speed, double *rim, double *slope)
+ * slope over the rover's speed; `by_rover` is that of the rim speed. */
+static double balance(const axle *a, double no_load, double speed, double *rim, double *by_rover, double *slope)
 {
     double reach = 1.6 * fabs(speed) + 0.3, low = -reach, high = reach > no_load ? reach : no_load;
     double at = rover_held(*rim, low, high), by_rim = -1.0, by_speed = 0.0, per_no_load = 1.0 / no_load;
@@ -133,6 +134,7 @@ static double balance(const axle *a, double no_load, double speed, double *rim, 
     }
     *rim = at;
     int turning = at >= 0.0 && at < no_load;
+    *by_rover = rover_held(-by_speed / by_rim, -most_by_speed, most_by_speed);
     *slope = turning ? a->torque * per_no_load * (by_speed / by_rim) : 0.0;
     return at < 0.0 ? a->torque : turning ? a->torque * (1.0 - at * per_no_load) : 0.0;
 }
@@ -191,6 +193,13 @@ void rover_place_begin(rover_place *place, const rover_law *law, const double *p
     place->parameters = (const rover_parameters *)parameters;
     place->heights = heights;
     place->mass_kg = place->slope_rad = place->torque_nm = NAN;
+    place->rolled = 0;
+}
+
+/* Beyond what runs have shown, what was learned stays as it is at the edge: only weight, slope and torque still act. */
+static double within_reach(const rover_law *law, int feature, double scaled)
+{
+    return rover_held(scaled, law->reach[2 * feature], law->reach[2 * feature + 1]);
 }
 
 static void place_mass(rover_place *place, double mass_kg)
@@ -198,7 +207,7 @@ static void place_mass(rover_place *place, double mass_kg)
     const rover_parameters *p = place->parameters;
     place->mass_kg = mass_kg;
     place->slope_rad = place->torque_nm = NAN;
-    place->scaled[2] = log(mass_kg / reference_mass_kg) / mass_spread;
+    place->scaled[2] = within_reach(place->law, 2, log(mass_kg / reference_mass_kg) / mass_spread);
     place->mass_scale = power(mass_kg / reference_mass_kg, p->mass_exponent);
     place->front_slip_scale = power(mass_kg / reference_mass_kg, p->front_load_exponent) / p->front_slip_scale;
 }
@@ -209,7 +218,7 @@ static void place_torque(rover_place *place, double torque_nm)
     place->torque_nm = torque_nm;
     double ratio = torque_nm / (place->mass_kg * law->gravity_m_s2 * law->wheel_radius_m);
     place->ratio = rover_held(ratio, 0.0, most_ratio);
-    place->scaled[1] = log((place->ratio + ratio_least) / ratio_middle) / ratio_spread;
+    place->scaled[1] = within_reach(law, 1, log((place->ratio + ratio_least) / ratio_middle) / ratio_spread);
 }
 
 static void place_slope(rover_place *place, double slope_rad)
@@ -219,7 +228,7 @@ static void place_slope(rover_place *place, double slope_rad)
     place->slope_rad = slope_rad;
     double sine = sin(slope_rad), cosine = cos(slope_rad);
     place->sine = sine;
-    place->scaled[0] = (sine / cosine - tangent_middle) / tangent_spread;
+    place->scaled[0] = within_reach(law, 0, (sine / cosine - tangent_middle) / tangent_spread);
     double height = law->centre_height_m + p->height_rise_m * (place->mass_kg - unladen_mass_kg) / unladen_mass_kg;
     double front = (law->centre_ahead_m * cosine - height * sine) / law->wheelbase_m - p->share_shift * cosine;
     place->front_share = rover_held(front, 0.02, 0.98);
@@ -236,15 +245,17 @@ static void place_polynomials(rover_place *place)
     const rover_parameters *p = place->parameters;
     double f0 = place->scaled[0], f1 = place->scaled[1], f2 = place->scaled[2];
     const double terms[7] = {1.0, f0, f1, f2, f0 * f0, f1 * f1, f0 * f1};
-    for (int knot = 0; knot < 7; knot++) {
-        const double *numbers = knot < 4 ? p->early + 7 * knot : p->along + 7 * (knot - 4);
+    for (int knot = 0; knot < 8; knot++) {
+        const double *numbers = knot < 4 ? p->early + 7 * knot : knot < 7 ? p->along + 7 * (knot - 4) : p->back;
         double sum = 0.0;
         for (int term = 0; term < 7; term++)
             sum += numbers[term] * terms[term];
         if (knot < 4)
             place->early[knot] = sum;
-        else
+        else if (knot < 7)
             place->along[knot - 4] = sum;
+        else
+            place->back = sum;
     }
     const double *n = place->heights;
     if (!n)
@@ -354,10 +365,8 @@ static void bounded_cell(const rover_place *place, rover_state *state, double po
     double uphill = place->sine > 0.0 ? place->sine : 0.0, downhill = place->sine < 0.0 ? -place->sine : 0.0;
     double gain = gravity / rate * -rover_expm1(-rate * state->cell_s); /* of speed in the cell, per force */
     double faster = speed < top ? (top - speed) / gain : 0.0, slower = speed > 0.0 ? speed / gain : 0.0;
-    if (state->brake != 0.0) /* locked wheels stop a rover; what pulls it then shows in the next cell */
-        force = rover_held(force, -(uphill > slower ? uphill : slower), downhill > faster ? downhill : faster);
-    else
-        force = rover_held(force, -uphill - slower, downhill + faster);
+    /* Either gravity alone would do it, or it ends with the cell: at the top, or at rest. */
+    force = rover_held(force, -(uphill > slower ? uphill : slower), downhill > faster ? downhill : faster);
     state->acceleration_m_s2 = gravity * force;
     state->rate_per_s = rate;
 }
@@ -369,7 +378,7 @@ static void braked_cell(rover_place *place, rover_state *state)
     double rate = place->law->gravity_m_s2 * p->brake_friction * (1.0 - sliding * sliding) / p->brake_speed_m_s;
     bounded_cell(place, state, 0.0, 0.0, p->brake_friction * sliding, rate);
     state->front_rim_m_s = state->rear_rim_m_s = locked_rim_m_s;
-    state->front_rad_s = state->rear_rad_s = 0.0;
+    state->front_rad_s = state->rear_rad_s = state->front_by_speed = state->rear_by_speed = 0.0;
 }
 
 static void driven_cell(rover_place *place, const double *weights, rover_state *state)
@@ -378,6 +387,7 @@ static void driven_cell(rover_place *place, const double *weights, rover_state *
     const rover_law *law = place->law;
     place_sums(place, weights);
     double speed = state->speed_m_s, x = state->x_m + speed * state->cell_s * 0.5, no_load = law->rim_speed_m_s;
+    double per_radius = 1.0 / law->wheel_radius_m;
     double ratio = place->ratio, share = ratio * ratio / (ratio * ratio + p->free_ratio * p->free_ratio);
     double backed = state->furthest_m - state->x_m; /* how far the rover has come down from its furthest point */
 
@@ -398,15 +408,21 @@ static void driven_cell(rover_place *place, const double *weights, rover_state *
     if (speed < 0.02)
         rear.grip = 1.0 - p->backing_relief * (1.0 - rover_exp(-backed / p->backing_length_m)) * smooth((0.02 - speed) / 0.04);
     double front_slope, rear_slope;
-    double traction = balance(&front, no_load, speed, &state->front_rim_m_s, &front_slope);
-    traction += balance(&rear, no_load, speed, &state->rear_rim_m_s, &rear_slope);
-    double sheared = 1.0 - p->shear_lack * rover_exp(-state->slip_path_m / p->shear_slip_m);
+    double traction = balance(&front, no_load, speed, &state->front_rim_m_s, &state->front_by_speed, &front_slope);
+    traction += balance(&rear, no_load, speed, &state->rear_rim_m_s, &state->rear_by_speed, &rear_slope);
+    double rim = 0.5 * (state->front_rim_m_s + state->rear_rim_m_s);
+    /* Ways and digging at the middle of the cell */
+    double half_s = 0.5 * state->cell_s, way = fabs(speed) * half_s, slid = rim > speed ? (rim - speed) * half_s : 0.0;
+    double path = state->path_m + way, dig = state->dig + (slid - state->dig * way) / p->dig_length_m;
+    dig = rover_held(dig, 0.0, most_dig);
+    double sheared = 1.0 - p->shear_lack * rover_exp(-(state->slip_path_m + slid) / p->shear_slip_m);
     traction *= sheared;
     double traction_slope = (front_slope + rear_slope) * sheared;
-    state->front_rad_s = state->front_rim_m_s / law->wheel_radius_m;
-    state->rear_rad_s = state->rear_rim_m_s / law->wheel_radius_m;
+    state->front_rad_s = state->front_rim_m_s * per_radius;
+    state->rear_rad_s = state->rear_rim_m_s * per_radius;
+    state->front_by_speed *= per_radius;
+    state->rear_by_speed *= per_radius;
 
-    double rim = 0.5 * (state->front_rim_m_s + state->rear_rim_m_s);
     double slipping = rim > 1e-3 ? rover_held(1.0 - speed / rim, 0.0, 1.0) : 0.0;
     double turning = rover_tanh(speed / p->turning_speed_m_s);
     double level;
@@ -414,10 +430,10 @@ static void driven_cell(rover_place *place, const double *weights, rover_state *
         double driven = place->mass_scale * (p->resistance - p->front_rut_resistance * front_ruts
                             + ruts * (p->rut_resistance + p->compaction_resistance * (slip - 0.5) - p->resistance))
             + p->speed_resistance * speed + place->motion + ruts * place->rut
-            + of_scenario(p->dig, place->scaled) * (state->dig / (1.0 + state->dig) - slipping)
-            + p->near * rover_exp(-state->path_m / p->near_length_m)
-            + p->far * rover_exp(-state->path_m / p->far_length_m)
-            + between_knots(4, early_knots_m, place->early, early_knots_m[0], 0.95, state->path_m)
+            + of_scenario(p->dig, place->scaled) * (dig / (1.0 + dig) - slipping)
+            + p->near * rover_exp(-path / p->near_length_m)
+            + p->far * rover_exp(-path / p->far_length_m)
+            + between_knots(4, early_knots_m, place->early, early_knots_m[0], 0.95, path)
             + between_knots(3, along_knots_m, place->along, 0.85, 2.4, x);
         double free = place->mass_scale * p->free_resistance * (1.0 - p->free_rut_relief * ruts);
         level = share * driven + (1.0 - share) * free;
@@ -425,7 +441,8 @@ static void driven_cell(rover_place *place, const double *weights, rover_state *
         double spin = state->rear_rim_m_s > 0.0 ? state->rear_rim_m_s : 0.0;
         level = place->mass_scale * (p->back_resistance * (1.0 - p->back_rut_relief * smooth(x / 0.3))
                                      - p->back_spin_relief * rover_tanh(spin / p->back_spin_m_s)
-                                     - p->back_hold_relief * rover_exp(-backed / p->back_hold_length_m));
+                                     - p->back_hold_relief * rover_exp(-backed / p->back_hold_length_m))
+            + share * place->back;
     }
     double stuck = share * place->stall / (1.0 + rover_exp((speed - p->gate_speed_m_s) / p->gate_width_m_s));
     double level_slope = level * (1.0 - turning * turning) / p->turning_speed_m_s
@@ -434,14 +451,10 @@ static void driven_cell(rover_place *place, const double *weights, rover_state *
                  -law->gravity_m_s2 * (traction_slope - level_slope));
 }
 
-/* Where a state is at a time in its cell, and how deep it has dug */
-typedef struct {
-    double x_m, speed_m_s, path_m, slip_path_m, dig;
-} rolled;
-
-static rolled roll(const rover_parameters *p, const rover_state *state, double within_s)
+static rover_rolled roll(const rover_place *place, const rover_state *state, double within_s)
 {
-    rolled end = {.path_m = state->path_m, .slip_path_m = state->slip_path_m, .dig = state->dig};
+    const rover_parameters *p = place->parameters;
+    rover_rolled end = {.path_m = state->path_m, .slip_path_m = state->slip_path_m, .dig = state->dig};
     rover_moved(state, within_s, &end.x_m, &end.speed_m_s);
     double way = fabs(end.x_m - state->x_m);
     if (state->brake != 0.0) {
@@ -450,7 +463,10 @@ static rolled roll(const rover_parameters *p, const rover_state *state, double w
             end.dig *= rover_exp(-within_s / 0.2);
         }
     } else {
-        double slipped = (0.5 * (state->front_rim_m_s + state->rear_rim_m_s) - state->speed_m_s) * within_s;
+        double faster = 0.5 * (end.speed_m_s - state->speed_m_s); /* at the middle */
+        double rim = 0.5 * (state->front_rim_m_s + state->rear_rim_m_s
+                            + (state->front_by_speed + state->rear_by_speed) * faster * place->law->wheel_radius_m);
+        double slipped = (rim - state->speed_m_s - faster) * within_s;
         slipped = slipped > 0.0 ? slipped : 0.0;
         double kept = rover_exp(-way / p->dig_length_m);
         double dug = way > 1e-7 ? slipped / way * (1.0 - kept) : slipped / p->dig_length_m;
@@ -471,8 +487,9 @@ void rover_law_cell(rover_place *place, const double *weights, rover_state *stat
     else
         driven_cell(place, weights, state);
     if (place->heights) {
-        rolled end = roll(place->parameters, state, state->cell_s);
-        state->next_height_m = height_of(place, state, end.x_m, end.path_m, end.dig);
+        place->end = roll(place, state, state->cell_s);
+        place->rolled = 1;
+        state->next_height_m = height_of(place, state, place->end.x_m, place->end.path_m, place->end.dig);
     }
 }
 
@@ -480,6 +497,7 @@ void rover_law_cell(rover_place *place, const double *weights, rover_state *stat
 static void leave_ruts(rover_state *state, double before_m, double front_m)
 {
     double start = state->frontier_m;
+    front_m = rover_held(front_m, -most_m, most_m);
     if (!(front_m > start))
         return;
     if (start <= -most_m)
@@ -492,11 +510,18 @@ static void leave_ruts(rover_state *state, double before_m, double front_m)
     state->frontier_m = front_m;
 }
 
-void rover_law_finish(const rover_place *place, rover_state *state, double within_s)
+void rover_law_finish(rover_place *place, rover_state *state, double within_s)
 {
     const rover_parameters *p = place->parameters;
-    double x = state->x_m, before = state->speed_m_s, front = state->front_rim_m_s;
-    rolled end = roll(p, state, within_s);
+    rover_rolled end = place->rolled && within_s == state->cell_s ? place->end : roll(place, state, within_s);
+    place->rolled = 0;
+    double x = state->x_m, faster = end.speed_m_s - state->speed_m_s, middle = state->speed_m_s + 0.5 * faster;
+    double radius = place->law->wheel_radius_m, front_rise = state->front_by_speed * faster;
+    double rear_rise = state->rear_by_speed * faster, front = state->front_rim_m_s + 0.5 * radius * front_rise;
+    state->front_rim_m_s += radius * front_rise;
+    state->rear_rim_m_s += radius * rear_rise;
+    state->front_rad_s += front_rise;
+    state->rear_rad_s += rear_rise;
     state->height_m += within_s / state->cell_s * (state->next_height_m - state->height_m);
     state->x_m = end.x_m;
     state->speed_m_s = end.speed_m_s;
@@ -509,7 +534,7 @@ void rover_law_finish(const rover_place *place, rover_state *state, double withi
     state->lowest_m = end.x_m < state->lowest_m ? end.x_m : state->lowest_m;
     if (state->brake != 0.0)
         return;
-    double slip = front > 1e-3 ? rover_held((front - 0.5 * (before + end.speed_m_s)) / front, -0.2, 1.0) : 0.0;
+    double slip = front > 1e-3 ? rover_held((front - middle) / front, -0.2, 1.0) : 0.0;
     state->front_slip += (slip - state->front_slip) * -rover_expm1(-fabs(end.x_m - x) / p->slip_lag_m);
     leave_ruts(state, x + place->law->wheelbase_m, end.x_m + place->law->wheelbase_m);
 }
