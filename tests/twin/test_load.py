@@ -7,13 +7,15 @@ from pathlib import Path
 import pytest
 
 import model_store
-from model_store import Manifest, ModelStore
+from model_store import WEIGHTS, Manifest, ModelStore
+from service.errors import CheckpointError
 from service.learning.band import BAND_FILE
+from service.learning.checkpoint import describe_model
 from service.training.evidence import read_evidence
 from service.twin import TwinRegistry
 from service.twin.load import load_twin
 from tests.model_store.watched import watched
-from tests.twin.published import publish, publish_banded
+from tests.twin.published import draft, publish, publish_banded, zero_model
 
 SHIPPED = Path(model_store.__file__).parent
 SHIPPED_VERSIONS = ModelStore.open(SHIPPED).versions("viper-lunar")
@@ -48,3 +50,10 @@ def test_evidence_is_read_with_the_manifest_in_hand():
     read_evidence(store, store.manifest("viper-lunar", SHIPPED_VERSIONS[-1]))
     assert sum(key.endswith("/manifest.json") for key in read) == 1
     assert len(set(read)) == len(read) == 2
+
+
+def test_a_version_of_a_former_architecture_is_refused_by_name_with_what_to_do(store):
+    described = describe_model(zero_model()) | {"architecture": {"name": "resistance_process", "arguments": {}}}
+    store.publish("unit", {WEIGHTS: b"whatever"}, draft(zero_model()).model_copy(update={"checkpoint": described}))
+    with pytest.raises(CheckpointError, match=r"^unit@1: this version is a resistance process.*train anew"):
+        load_twin(store, "unit", 1)

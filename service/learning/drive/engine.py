@@ -116,6 +116,7 @@ class Engine:
         if time.ndim == 2:
             _require(len(time) == count, f"times {time.shape} do not fit {count} scenarios")
         if not _rise(time):
+            _require(not np.isnan(time).any(), f"times must be 0 to {MOST_S:g} s")  # no order sorts them
             order = np.argsort(time, axis=-1, kind="stable")
             sorted_time = np.take_along_axis(time, order, -1)
             found = self.constant(slopes, mass_kg, torque_nm, start_speed_m_s, sorted_time, offset)

@@ -40,7 +40,8 @@ class StartSpeeds:
 
     def at(self, slope_rad: Array, mass_kg: Array) -> Array:
         """Speeds (m/s), shape (scenario,), positive uphill."""
-        return np.asarray(_bumps(np.clip(slope_rad, *self.slope_rad), np.clip(mass_kg, *self.mass_kg)) @ self.weights)
+        bumps = _bumps(np.clip(slope_rad, *self.slope_rad), np.clip(mass_kg, *self.mass_kg))
+        return np.asarray((bumps * self.weights).sum(axis=1))  # a matrix product rounds by how many are asked
 
 
 def bump_count() -> int:
