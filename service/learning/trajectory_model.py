@@ -63,6 +63,7 @@ def motion_by_difference(
     x, before, after = (found.x_m[:, part * count : (part + 1) * count] for part in range(3))
     return Motion(x, found.y_m[:, :count], (after - before) / (2.0 * _STEP_S))
 
+
 @runtime_checkable
 class DrivesRuns(Protocol):
     """What a model has besides that knows runs whose slope, torque or brake change underway."""

@@ -76,18 +76,17 @@ def fit_drive(
     model = _model(prior, whole, blank, y, starts, runs, observed)
     progress("leaving out one run at a time")
     models: dict[str, DriveModel] = {}
-    for at, (run, numbers) in enumerate(zip(runs, without_each(whole, y), strict=True)):
+    for run, numbers in zip(runs, without_each(whole, y), strict=True):
         check()
         others = [each for each in runs if each is not run] or [run]
-        law = replace(model.law, **_numbers(whole, numbers))
+        law = _with_numbers(model.law, whole, numbers)
         models[run.name] = replace(model, law=law, starts=StartSpeeds.of(others))
-        del at
     return FittedDrive(model, {run.name: models[run.name].drive_run(run) for run in runs}, models)
 
 
-def _numbers(problem: Problem, y: Array) -> dict[str, Array]:
+def _with_numbers(law: Law, problem: Problem, y: Array) -> Law:
     parameters, weights = problem.numbers(y[None])
-    return {"parameters": parameters[0], "weights": weights[0]}
+    return replace(law, parameters=parameters[0], weights=weights[0])
 
 
 def _model(
@@ -99,6 +98,6 @@ def _model(
     runs: Sequence[ObservedRun],
     observed: Sequence[Observation],
 ) -> DriveModel:
-    law = replace(blank, **_numbers(problem, y))
+    law = _with_numbers(blank, problem, y)
     heights = fit_heights(Engine(law), runs, observed)
     return DriveModel(prior, replace(law, heights=heights), starts)

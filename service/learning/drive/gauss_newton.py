@@ -1,8 +1,8 @@
 """Fitting a law to whole runs: damped Gauss-Newton steps on what is driven, with a pull towards the priors.
 
-Whole drives are compared, not accelerations: hidden states (ruts, digging) need no measuring, and what counts in the end
-is what is made small. Derivatives are differences of drives, a few thousand in a second. First each run is set back on
-its course every second, which is nearly convex; then runs are driven whole. Runs that no law of this form can follow
+Whole drives are compared, not accelerations: hidden states (ruts, digging) need no measuring, and what counts in the
+end is what is made small. Derivatives are differences of drives, a few thousand in a second. First each run is set
+back on its course every second, which is nearly convex; then runs are driven whole. Runs that no law of this form can follow
 (a rover that leaves its ruts) lose influence by a Cauchy loss over runs: Hampel and others, Robust Statistics, 1986.
 """
 
@@ -65,7 +65,9 @@ class Problem:
         counts = np.diff(self.starts)
         self._x = np.concatenate([each.swept.observed_x_m for each in observed])
         self._wheels = np.concatenate([each.wheels_rad_s for each in observed], axis=1).ravel()
-        expected = (each.forced_error_m if forced else np.full(len(each.forced_error_m), each.error_m) for each in observed)
+        expected = (
+            each.forced_error_m if forced else np.full(len(each.forced_error_m), each.error_m) for each in observed
+        )
         self._error = np.concatenate(list(expected))
         self._share = np.repeat(np.sqrt(_INDEPENDENT / counts), counts)
         comparable = np.concatenate([each.wheels_count for each in observed])

@@ -77,8 +77,8 @@ class Basis:
 @dataclass(frozen=True, eq=False)
 class Law:
     """A whole law. `parameters` (len(PARAMETERS),), `weights` (2 len(motion) + len(stall),), `heights` (HEIGHTS,): what
-    the height of the rear wheel centre is made of. `reach` (3, 2): lowest and highest of each scaled feature that runs have
-    shown; beyond, what was learned stays as it is at the edge.
+    the height of the rear wheel centre is made of. `reach` (3, 2): lowest and highest of each scaled feature that runs
+    have shown; beyond, what was learned stays as it is at the edge.
 
     Raises ValueError for shapes that do not fit and numbers that are not finite.
     """

@@ -63,7 +63,9 @@ class CompiledLaw(ctypes.Structure):
 
     _fields_: ClassVar[_Fields] = [
         ("vector_bits", _INTEGER),
-        *_numbers("number gravity_m_s2 wheel_radius_m wheelbase_m centre_ahead_m centre_height_m rim_speed_m_s reach[6]"),
+        *_numbers(
+            "number gravity_m_s2 wheel_radius_m wheelbase_m centre_ahead_m centre_height_m rim_speed_m_s reach[6]"
+        ),
         ("motion", Basis),
         ("stall", Basis),
         ("parameters", _POINTER),

@@ -10,7 +10,8 @@ import numpy as np
 
 from service.learning.drive.engine import Engine
 from service.learning.drive.inputs import Controls, Track
-from service.learning.drive.law import HEIGHTS, PARAMETERS, Basis, Law
+from service.learning.drive.law import PARAMETERS, Basis, Law
+from service.learning.drive.library import HEIGHTS
 from service.learning.drive.recorded import controls_of, track_of
 from service.learning.drive.start import StartSpeeds, bump_count
 from service.learning.drive.state import State
@@ -80,7 +81,7 @@ class DriveModel:
         return Positions(motion.x_m[None], motion.y_m[None]), state
 
     def drive_run(self, run: ObservedRun, offset: float = 0.0) -> Positions:
-        """What the model says of a recorded run, (1, time) at its times: its track and controls, and mass, are given."""
+        """What the model says of a recorded run, (1, time) at its times: its track, controls and mass are given."""
         rover = self.prior.rover
         if not run.varies:
             return self.positions_with(run.scenario, run.time_s, offset)
@@ -114,8 +115,12 @@ class DriveModel:
         bumps, stall = read.length("motion.centres"), read.length("stall.centres")
         try:
             named = {str(name): float(value) for name, value in description["parameters"].items()}
-            lengths = [np.array([float(each) for each in description[f"{kind}_lengths"]]) for kind in ("motion", "stall")]
-            slope, mass = ((float(low), float(high)) for low, high in (description["start"][n] for n in ("slope_rad", "mass_kg")))
+            lengths = [
+                np.array([float(each) for each in description[f"{kind}_lengths"]]) for kind in ("motion", "stall")
+            ]
+            slope, mass = (
+                (float(low), float(high)) for low, high in (description["start"][n] for n in ("slope_rad", "mass_kg"))
+            )
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(f"the description of the drive model does not fit: {error!r}") from error
         if set(named) != set(PARAMETERS):

@@ -1,4 +1,4 @@
-"""From recorded runs to what the fit compares a law with: track, controls, and positions and wheel speeds at some times."""
+"""From recorded runs to what the fit compares a law with: track, controls, positions and wheel speeds at some times."""
 
 from __future__ import annotations
 

@@ -19,8 +19,8 @@ from service.physics.scenario import Array
 class SweptRun:
     """One run: what acted on it, and what was observed at times that rise.
 
-    Where `force_every` is not 0, the state takes `observed_x_m` and `observed_speed_m_s` at each so many-th time (k, 2k,
-    ...), after its own are recorded: errors of the law then do not add up. Raises ValueError for other shapes and
+    Where `force_every` is not 0, the state takes `observed_x_m` and `observed_speed_m_s` at each so many-th time (k,
+    2k, ...), after its own are recorded: errors of the law then do not add up. Raises ValueError for other shapes and
     for times that fall, are negative or not finite.
     """
 

@@ -31,16 +31,21 @@ def made_run(
         rear_wheel_speed_rad_s=motion.rear_wheel_rad_s,
         front_wheel_speed_rad_s=motion.front_wheel_rad_s,
         body_speed_m_s=motion.speed_m_s,
-        controls=ObservedControls(
-            _if_changing(slope), _if_changing(torque), brake if brake.any() else None
-        ),
+        controls=ObservedControls(_if_changing(slope), _if_changing(torque), brake if brake.any() else None),
     )
 
 
 def made_runs(engine: Engine) -> list[ObservedRun]:
     """Four constant slopes and two drives, a few seconds each."""
     runs = [
-        made_run(engine, f"slope {deg}", Track.constant(np.radians(deg)), Controls.constant(torque), mass_kg=mass, horizon_s=4)
+        made_run(
+            engine,
+            f"slope {deg}",
+            Track.constant(np.radians(deg)),
+            Controls.constant(torque),
+            mass_kg=mass,
+            horizon_s=4,
+        )
         for deg, torque, mass in ((5.0, 60.0, 430.0), (15.0, 80.0, 600.0), (22.0, 60.0, 430.0), (-8.0, 30.0, 800.0))
     ]
     bend = Track(np.array([0.8, 1.6]), np.radians([5.0, 18.0]))

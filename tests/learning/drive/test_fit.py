@@ -12,8 +12,8 @@ from service.learning.drive.inputs import Controls, Track
 from service.learning.drive.law import PARAMETERS, Basis
 from service.learning.drive.model import DriveModel
 from service.learning.drive.observations import observe
-from service.learning.drive.recorded import controls_of, track_of
 from service.learning.drive.priors import MOTION_DEVIATION, Whitening, fitted_parameters, parameters_of
+from service.learning.drive.recorded import controls_of, track_of
 from service.learning.drive.start import StartSpeeds
 from service.learning.observed import ObservedRun
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
@@ -58,7 +58,10 @@ def test_a_model_survives_its_checkpoint_to_the_bit(fitted):
     model = fitted.model
     arrays = safetensors.numpy.load(safetensors.numpy.save(model.tensors()))
     back = DriveModel.restore(model.describe(), arrays, PRIOR)
-    scenarios, time = Scenarios(np.radians([3.0, 24.0]), np.array([400.0, 700.0]), np.array([50.0, 90.0])), np.linspace(0, 12, 50)
+    scenarios, time = (
+        Scenarios(np.radians([3.0, 24.0]), np.array([400.0, 700.0]), np.array([50.0, 90.0])),
+        np.linspace(0, 12, 50),
+    )
     there, here = model.positions(scenarios, time), back.positions(scenarios, time)
     assert np.array_equal(there.x_m, here.x_m)
     assert np.array_equal(there.y_m, here.y_m)
@@ -82,13 +85,10 @@ def test_a_damaged_checkpoint_is_refused(fitted, damage):
 
 
 def test_a_fit_can_be_stopped_at_once(runs):
-    class Stop(Exception):
-        pass
-
     def check() -> None:
-        raise Stop
+        raise InterruptedError
 
-    with pytest.raises(Stop):
+    with pytest.raises(InterruptedError):
         fit_drive(runs, PRIOR, check=check)
 
 
@@ -102,7 +102,11 @@ def test_no_runs_and_too_short_runs_are_refused(runs):
 def test_steps_never_raise_the_cost(runs, monkeypatch):
     costs: list[float] = []
     found = gauss_newton.minimise
-    monkeypatch.setattr("service.learning.drive.fit.minimise", lambda p, y, n, _tell: found(p, y, n, lambda _s, c: costs.append(c)))
+
+    def heard(problem, y, most_steps, _tell):
+        return found(problem, y, most_steps, lambda _step, cost: costs.append(cost))
+
+    monkeypatch.setattr("service.learning.drive.fit.minimise", heard)
     fit_drive(runs[:3], PRIOR)
     falls = np.diff(costs) <= 0
     assert len(costs) > 4
@@ -153,7 +157,9 @@ def test_start_speeds_are_found_again_between_runs(engine):
 
     def started(deg: float, mass: float) -> ObservedRun:
         track = Track.constant(np.radians(deg))
-        return made_run(engine, f"{deg} {mass}", track, Controls.constant(60.0), mass_kg=mass, horizon_s=0.5, start=creep(deg, mass))
+        return made_run(
+            engine, f"{deg} {mass}", track, Controls.constant(60.0), mass_kg=mass, horizon_s=0.5, start=creep(deg, mass)
+        )
 
     starts = StartSpeeds.of([started(deg, mass) for deg in range(0, 31, 3) for mass in (330.0, 500.0, 800.0)])
     for deg, mass in ((4.5, 400.0), (16.0, 700.0), (26.5, 600.0)):
