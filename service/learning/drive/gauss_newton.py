@@ -2,8 +2,9 @@
 
 Whole drives are compared, not accelerations: hidden states (ruts, digging) need no measuring, and what counts in the
 end is what is made small. Derivatives are differences of drives, a few thousand in a second. First each run is set
-back on its course every second, which is nearly convex; then runs are driven whole. Runs that no law of this form can follow
-(a rover that leaves its ruts) lose influence by a Cauchy loss over runs: Hampel and others, Robust Statistics, 1986.
+back on its course every second, which is nearly convex; then runs are driven whole. Runs that no law of this form can
+follow (a rover that leaves its ruts) lose influence by a Cauchy loss over runs: Hampel and others, Robust Statistics,
+1986.
 """
 
 from __future__ import annotations
