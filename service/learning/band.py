@@ -26,10 +26,12 @@ import safetensors.numpy
 from service.errors import CheckpointError, InvalidValueError
 from service.learning.curves import interpolate_curves
 from service.learning.domain import Domain
+from service.learning.edges import Edges
 from service.learning.error_scale import ErrorScale
 from service.learning.left_out import LeftOutErrors, look_times
 from service.learning.neighbourhood import Neighbourhood, chunks
 from service.learning.observed import ObservedRun
+from service.learning.trajectory_model import TrajectoryModel
 from service.learning.weights import read_weights
 from service.physics.scenario import Array, Positions, Scenarios
 
@@ -109,6 +111,20 @@ class Band:
             for half, factor, curves in zip(halves, factors, self.scale.at(places[rows]), strict=True):
                 half[rows] = self._at_times(factor * curves, times)
         return halves[0], halves[1]
+
+    def edges(
+        self,
+        _model: TrajectoryModel,
+        scenarios: Scenarios,
+        time_s: Array,
+        level: float,
+        centre: Positions,
+        seen_m: Array,
+    ) -> Edges:
+        """The band around `centre`, what the model says at `time_s`; as `half_widths` has it."""
+        half_x, half_y = self.half_widths(scenarios, time_s, level, seen_m)
+        x, y = centre.x_m, centre.y_m
+        return Edges(x - half_x, x + half_x, y - half_y, y + half_y)
 
     def _at_times(self, curves: Array, time_s: Array) -> Array:
         """Curves (scenario, grid) at other times, going on linearly beyond the grid."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import torch
 
+from service.learning.doubt.meeting import OffsetModel
 from service.learning.drive.fit import fit_drive
 from service.learning.evaluate import PositionErrors
 from service.learning.left_out import left_out_slopes
@@ -46,12 +47,14 @@ class Fitted:
     """A fitted model. `left_out` holds, by run, what the model says of it when that very run is left out of the fit,
     and `left_out_slopes` what it says when fitted to nothing but the other slopes of that run's series (see
     `service.learning.left_out`). Both are empty for architectures where that would mean fitting once for each run.
+    `left_out_models` are those models, where their force balance can be made wrong: then there is a `Doubt`.
     """
 
     model: TrajectoryModel
     outcome: FitOutcome
     left_out: Mapping[str, Positions]
     left_out_slopes: Mapping[str, Positions]
+    left_out_models: Mapping[str, OffsetModel] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,4 +137,4 @@ def _fit_drive(prepared: Prepared, announce: Announce, check: Check) -> Fitted:
 
     slopes = left_out_slopes([run for run in runs if not run.varies], leave_one_out)
     outcome = FitOutcome(0, 0, float(np.mean(squares)), False, time.monotonic() - started, "cpu")
-    return Fitted(fitted.model, outcome, fitted.left_out, slopes)
+    return Fitted(fitted.model, outcome, fitted.left_out, slopes, fitted.left_out_models)

@@ -16,6 +16,8 @@ from service.learning.band import FEWEST_RUNS as FEWEST_BAND_RUNS
 from service.learning.calibration import calibrate_prior, calibrate_wheel_resistance
 from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
+from service.learning.doubt.doubt import Doubt
+from service.learning.doubt.stored import describe_doubt, doubt_bytes
 from service.learning.evaluate import RunEvaluation, describe_evaluation, evaluate, evaluate_positions, summarise
 from service.learning.network.fit import FitOutcome
 from service.learning.observed import ObservedRun, require_constant
@@ -27,6 +29,7 @@ from service.physics.scenario import Positions
 from service.training.architectures import Announce, Fitted, Prepared
 from service.training.config import TAKES_VARYING_RUNS, TrainingConfig
 from service.training.data import TrainingData, load_training_data
+from service.training.doubt_report import doubt_report
 from service.training.evidence import TRAIN_REPORT
 from service.training.provenance import code_version, library_versions
 from service.training.report import error_curves, left_out_report
@@ -46,7 +49,7 @@ class Trained:
     split: Split
     outcome: FitOutcome
     domain: Domain
-    band: Band | None
+    band: Band | Doubt | None
     train_evaluations: list[RunEvaluation]
     test_evaluations: list[RunEvaluation]
     left_out: Mapping[str, Positions]
@@ -93,7 +96,7 @@ def evaluate_fitted(
         split=split,
         outcome=fitted.outcome,
         domain=domain,
-        band=_band(split, fitted, domain),
+        band=_band(split.train, fitted, domain),
         train_evaluations=_evaluate_each(fitted.model, split.train, check),
         test_evaluations=_evaluate_each(fitted.model, split.test, check),
         left_out=fitted.left_out,
@@ -102,9 +105,11 @@ def evaluate_fitted(
     )
 
 
-def _band(split: Split, fitted: Fitted, domain: Domain) -> Band | None:
-    """Of the runs that are one scenario each; None where they are too few, or nothing was left out."""
-    constant = [run for run in split.train if not run.varies]
+def _band(runs: Sequence[ObservedRun], fitted: Fitted, domain: Domain) -> Band | Doubt | None:
+    """None where nothing was left out, or too few runs were."""
+    if fitted.left_out_models:
+        return Doubt.calibrate(runs, fitted.left_out_models) if len(runs) >= FEWEST_BAND_RUNS else None
+    constant = [run for run in runs if not run.varies]
     if not fitted.left_out or len(constant) < FEWEST_BAND_RUNS:
         return None
     return Band.calibrate(constant, fitted.left_out, domain)
@@ -135,12 +140,13 @@ def publish_trained(
     For a `job` that is done once only: later calls return the manifest of the first one. `check` is called when the
     report is drawn, which takes a second or two, and nothing is written yet; it may raise to leave it at that.
     """
+    described_band, files_of_band = _stored_band(trained.band)
     draft = ManifestDraft(
         created_by=created_by,
         description=config.description,
         checkpoint=_checkpoint(trained),
         domain=trained.domain.describe(),
-        band=trained.band.describe() if trained.band else None,
+        band=described_band,
         metrics=training_metrics(trained),
         lineage=_lineage(config, trained, command, job),
     )
@@ -149,8 +155,7 @@ def publish_trained(
         TRAIN_REPORT: _report(trained.train_evaluations),
         "report/test.json": _report(trained.test_evaluations),
     }
-    if trained.band:
-        files[BAND_FILE] = safetensors.numpy.save(trained.band.tensors())
+    files |= files_of_band
     if trained.left_out_evaluations:
         curves = error_curves(trained.split.train, trained.left_out)
         files |= left_out_report(
@@ -162,6 +167,15 @@ def publish_trained(
         )
     check()
     return store.publish(config.model, files, draft, once_key=job)
+
+
+def _stored_band(band: Band | Doubt | None) -> tuple[dict[str, Any] | None, dict[str, bytes]]:
+    """What the manifest says of a band, and its files."""
+    if band is None:
+        return None, {}
+    if isinstance(band, Doubt):
+        return describe_doubt(band), {BAND_FILE: doubt_bytes(band)} | doubt_report(band.measured)
+    return band.describe(), {BAND_FILE: safetensors.numpy.save(band.tensors())}
 
 
 def _lineage(config: TrainingConfig, trained: Trained, command: str, job: str | None) -> Lineage:

@@ -9,6 +9,9 @@ from service.errors import CheckpointError
 from service.learning.band import BAND_FILE, Band
 from service.learning.checkpoint import restore_model
 from service.learning.domain import Domain
+from service.learning.doubt.doubt import Doubt
+from service.learning.doubt.stored import METHOD, read_doubt
+from service.learning.trajectory_model import TrajectoryModel
 from service.twin.twin import Twin
 
 MAX_WEIGHTS_BYTES = 256 * 1024 * 1024
@@ -25,7 +28,7 @@ def load_twin(store: ModelStore, name: str, version: int) -> Twin:
     try:
         model = restore_model(manifest.checkpoint, weights)
         domain = Domain.restore(manifest.domain, model.prior.rover, model.prior.regolith)
-        band = _band(store, manifest, domain)
+        band = _band(store, manifest, domain, model)
         resistance = manifest.checkpoint.get("wheel_motion_resistance")
         if resistance is not None and not (isinstance(resistance, float | int) and math.isfinite(resistance)):
             raise ValueError(f"wheel_motion_resistance is {resistance!r}, allowed is a finite number or null")  # noqa: TRY301
@@ -36,10 +39,14 @@ def load_twin(store: ModelStore, name: str, version: int) -> Twin:
     return Twin(manifest, model, domain, None if resistance is None else float(resistance), band)
 
 
-def _band(store: ModelStore, manifest: Manifest, domain: Domain) -> Band | None:
+def _band(store: ModelStore, manifest: Manifest, domain: Domain, model: TrajectoryModel) -> Band | Doubt | None:
     if manifest.band is None:
         return None
     if BAND_FILE not in manifest.files:
         raise CheckpointError(f"the manifest describes a band, but the version has no {BAND_FILE}")
     content = store.read_file(manifest, BAND_FILE, limit_bytes=MAX_BAND_BYTES)
-    return Band.read(manifest.band, content, domain)
+    if manifest.band.get("method") != METHOD:
+        return Band.read(manifest.band, content, domain)
+    if not hasattr(model, "positions_with"):
+        raise CheckpointError("the band is one of force balances, of which the model has none")
+    return read_doubt(manifest.band, content, model.prior.rover, model.prior.regolith)

@@ -1,9 +1,13 @@
 """Should the rover drive over this slope? Outcome, speed and slip over slope x torque, and the steepest sure climb.
 
-The whole map is one batch of the model at the few times needed. With a band a slope counts as climbed when the lower
-edge of the final position's two-sided band at level 2c - 1, which the truth exceeds with the asked confidence c, still
-means climbing: the half-width at the horizon is taken off the displacement over the last quarter. That is conservative,
-as most of a trajectory's error is shared by the ends of its last quarter. Without a band the central estimate decides.
+The whole map is one batch of the model at the few times needed. How steep a rover surely climbs is a matter of how it
+settles, not of when one looks: it must climb, with the asked confidence, at the end of the longest training run, and of
+twice, four times that as far as the map's horizon goes. So a longer horizon never makes a steeper slope climbable. The
+probability is that of the version's doubt: the rover still climbs against the offset that errors exceed so rarely.
+
+Versions with another kind of band, or none, look at the map's horizon: there a slope counts as climbed when the band's
+lower edge at level 2c - 1 still means climbing, its half-width taken off the displacement over the last quarter, or,
+without a band, when the central estimate does.
 """
 
 from __future__ import annotations
@@ -17,6 +21,8 @@ import numpy as np
 import numpy.typing as npt
 
 from service.errors import InvalidValueError
+from service.learning.band import Band
+from service.learning.doubt.doubt import Doubt
 from service.physics.scenario import Array, Scenarios
 from service.twin.counting import Count, uncounted
 from service.twin.prediction import NonFiniteError
@@ -41,8 +47,9 @@ class MobilityMap:
 
     `slip_ratio` is None where the wheels stand still or the version does not know how they turn. Of each torque,
     `steepest_climb_slope_deg` is the slope up to which every slope of the map is climbed, found to 0.01 deg and never
-    above the steepest one asked; None when not even the lowest is. `confidence` is None when the version has no band:
-    the steepest slope then follows the central estimate.
+    above the steepest one asked; None when not even the lowest is, and where no cell of the torque is inside.
+    `steepest_inside_domain` says whether that slope is itself inside; None where there is none. `confidence` is None
+    when the version has no band: the steepest slope then follows the central estimate.
     """
 
     mass_kg: float
@@ -55,6 +62,7 @@ class MobilityMap:
     slip_ratio: tuple[tuple[float | None, ...], ...]
     inside_domain: Flags
     steepest_climb_slope_deg: tuple[float | None, ...]
+    steepest_inside_domain: tuple[bool | None, ...]
 
 
 def mobility_map(
@@ -85,8 +93,9 @@ def mobility_map(
     cells = ground.scenarios(np.repeat(torques, len(slopes)), np.tile(slopes, len(torques)))
     motion = ground.motion(cells)
     speed = motion.whole_m / horizon_s
-    outcomes, inside = ground.outcomes(motion.last_part_m), _inside(twin, mass_kg, torques, slopes, horizon_s)
-    steepest = _steepest(ground, torques, slopes, ground.climbed(cells, motion).reshape(shape))
+    outcomes, inside = ground.outcomes(cells, motion), _inside(twin, mass_kg, torques, slopes, horizon_s)
+    found = _steepest(ground, torques, slopes, ground.climbed(cells, motion).reshape(shape))
+    steepest = tuple(slope if row.any() else None for slope, row in zip(found, inside, strict=True))
     count(twin, time.perf_counter() - began, outcomes, inside.size - int(inside.sum()))
     return MobilityMap(
         mass_kg=mass_kg,
@@ -99,6 +108,10 @@ def mobility_map(
         slip_ratio=_rows(twin.slip_ratios(cells, np.full(len(cells), horizon_s), speed), shape),
         inside_domain=inside,
         steepest_climb_slope_deg=steepest,
+        steepest_inside_domain=tuple(
+            None if slope is None else bool(_inside(twin, mass_kg, torques[[row]], np.array([slope]), horizon_s)[0, 0])
+            for row, slope in enumerate(steepest)
+        ),
     )
 
 
@@ -136,17 +149,37 @@ class _Ground:
             raise NonFiniteError(f"{name} has no finite answer for a mass_kg of {self.mass_kg:g} somewhere on this map")
         return motion
 
-    def outcomes(self, last_part_m: Array) -> tuple[Outcome, ...]:
-        return outcomes_of(last_part_m / (LAST_PART * self.horizon_s))
+    def outcomes(self, scenarios: Scenarios, motion: _Motion) -> tuple[Outcome, ...]:
+        """The most probable outcome of each, (scenario,)."""
+        horizons = np.full(len(scenarios), self.horizon_s)
+        late_speed = motion.last_part_m / (LAST_PART * self.horizon_s)
+        return self.twin.likely_outcomes(scenarios, horizons, late_speed, motion.whole_m, motion.seen_m)
 
     def climbed(self, scenarios: Scenarios, motion: _Motion) -> Flags:
         """Whether the rover climbs with the asked confidence, shape (scenario,)."""
+        if self.twin.doubt is not None:
+            return self._surely_climbed(self.twin.doubt, scenarios, motion)
         lower_m = motion.last_part_m
-        if self.twin.band is not None:
+        if isinstance(self.twin.band, Band):
             level = 2.0 * self.confidence - 1.0
             half_m, _ = self.twin.band.half_widths(scenarios, np.array([self.horizon_s]), level, motion.seen_m)
             lower_m = lower_m - half_m[:, 0]
-        return np.array([outcome is Outcome.CLIMBS for outcome in self.outcomes(lower_m)])
+        outcomes = outcomes_of(lower_m / (LAST_PART * self.horizon_s), motion.whole_m)
+        return np.array([outcome is Outcome.CLIMBS for outcome in outcomes])
+
+    def _surely_climbed(self, doubt: Doubt, scenarios: Scenarios, motion: _Motion) -> Flags:
+        climbed, horizon = np.ones(len(scenarios), dtype=np.bool_), self.twin.settled_horizon_s
+        while climbed.any():
+            rows = np.flatnonzero(climbed)
+            some = Scenarios(scenarios.slope_angle_rad[rows], scenarios.mass_kg[rows], scenarios.torque_nm[rows])
+            horizons = np.full(len(rows), horizon)
+            climbed[rows] = doubt.surely_climbs(
+                self.twin.offset_model, some, horizons, self.confidence, motion.seen_m[rows]
+            )
+            horizon *= 2.0
+            if horizon > self.horizon_s:
+                break
+        return climbed
 
 
 def _steepest(ground: _Ground, torques: Array, slopes: Array, climbed: Flags) -> tuple[float | None, ...]:

@@ -11,20 +11,25 @@ from enum import StrEnum
 import numpy as np
 import numpy.typing as npt
 
+from service.learning.doubt.outcomes import Class, classes
 from service.physics.scenario import Array, Motion, Positions
 
 
 class Outcome(StrEnum):
-    """How a scenario ends, judged by the mean speed over the last quarter of the horizon."""
+    """How a scenario ends, judged by the mean speed over the last quarter of the horizon.
+
+    A rover that goes up then, but is still below its start, has slid. A version that knows its errors says what is most
+    probable, which may differ from what its trajectory does.
+    """
 
     CLIMBS = "climbs"
     STALLS = "stalls"
     SLIDES = "slides"
 
 
-# Of the 80 shipped Chrono runs, those that go on climbing do so at 22 mm/s or more over their last quarter, those that
-# slide back at 107 mm/s or more; the rest creeps at less than 8 mm/s, as a parked rover does in SCM soil.
-OUTCOME_SPEED_M_S = 0.015
+_NAMED = {Class.CLIMBS.value: Outcome.CLIMBS, Class.STALLS.value: Outcome.STALLS, Class.SLIDES.value: Outcome.SLIDES}
+
+
 LAST_PART = 0.25
 
 # The horizon is cut into so many equal parts, 25 ms of 10 s, however long it is: what is missed is how far the rover
@@ -82,16 +87,19 @@ class Summaries:
         )
 
 
-def outcome_of(speed_m_s: float) -> Outcome:
-    """The outcome for a mean speed over the last quarter of the horizon."""
-    if speed_m_s > OUTCOME_SPEED_M_S:
-        return Outcome.CLIMBS
-    return Outcome.SLIDES if speed_m_s < -OUTCOME_SPEED_M_S else Outcome.STALLS
+def outcome_of(late_speed_m_s: float, end_m: float = 0.0) -> Outcome:
+    """The outcome for a mean speed over the last quarter of the horizon, and a last position."""
+    return outcomes_of(np.array([late_speed_m_s]), np.array([end_m]))[0]
 
 
-def outcomes_of(speeds_m_s: Array) -> tuple[Outcome, ...]:
-    """The outcomes for mean speeds over the last quarter of the horizon, shape (scenario,)."""
-    return tuple(map(outcome_of, speeds_m_s.tolist()))
+def outcomes_of(late_speeds_m_s: Array, ends_m: Array) -> tuple[Outcome, ...]:
+    """The outcomes for mean speeds over the last quarter of the horizon and last positions, shape (scenario,)."""
+    return named(classes(late_speeds_m_s, ends_m))
+
+
+def named(found: npt.NDArray[np.intp]) -> tuple[Outcome, ...]:
+    """Outcomes by their numbers in `Class`, shape (scenario,)."""
+    return tuple(_NAMED[each] for each in found.tolist())
 
 
 def own_times(horizons_s: Array, *, quick: bool) -> Array:

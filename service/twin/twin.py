@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,8 @@ from model_store import Manifest
 from service.errors import InvalidValueError
 from service.learning.band import Band
 from service.learning.domain import Domain, DomainVerdict
+from service.learning.doubt.doubt import Doubt, ends_of
+from service.learning.doubt.meeting import OffsetModel
 from service.learning.trajectory_model import TrajectoryModel
 from service.physics.frames import slope_to_world
 from service.physics.scenario import Array, Motion, Positions, Scenarios
@@ -21,9 +24,11 @@ from service.twin.prediction import Frame, NonFiniteError, OutsideDomainError, P
 from service.twin.scenario import Scenario
 from service.twin.summary import (
     LAST_PART,
+    Outcome,
     Summaries,
     late,
     mean_wheel_speed_rad_s,
+    named,
     outcomes_of,
     own_times,
     path_length_m,
@@ -66,7 +71,7 @@ class Twin:
     model: TrajectoryModel
     domain: Domain
     wheel_motion_resistance: float | None
-    band: Band | None = None
+    band: Band | Doubt | None = None
     fingerprint: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -163,7 +168,8 @@ class Twin:
             none = f"speed; {self.name}@{self.version} does not know how fast its wheels turn"
             raise InvalidValueError("include", "wheel_speed", none)
         own = own_times(horizons_s, quick=self.model.quick)
-        parts = [asked.time_s, own] if band is None else [asked.time_s, own, band.look_s]
+        looks = band if band is not None else self.doubt
+        parts = [asked.time_s, own] if looks is None else [asked.time_s, own, looks.look_s]
         count, end = asked.time_s.shape[-1], asked.time_s.shape[-1] + own.shape[-1]
         moving = asked.speed or self.model.knows_wheel_speeds
         ask: Callable[[Scenarios, Array], Positions] = self.model.motion if moving else self.model.positions
@@ -171,10 +177,12 @@ class Twin:
             found = ask(physics, _joined(parts, len(horizons_s)))
             shown, whole = found.samples(slice(count)), found.samples(slice(count, end))
             prior = self.model.prior.positions(physics, asked.time_s) if asked.prior else None
-            summaries = self._summarise(physics, horizons_s, shown, whole)
+            summaries = self._summarise(physics, horizons_s, shown, whole, found.x_m[:, end:])
             bounds = None
             if band is not None and asked.band_level is not None:
-                bounds = _around(band, shown, physics, asked.time_s, asked.band_level, found.x_m[:, end:])
+                seen = found.x_m[:, end:]
+                edges = band.edges(self.offset_model, physics, asked.time_s, asked.band_level, shown, seen)
+                bounds = PredictionBand(asked.band_level, edges.x_low_m, edges.x_high_m, edges.y_low_m, edges.y_high_m)
         trajectory = {**_in_frame(shown, physics, asked.frame), **_speeds(shown, asked)}
         self._require_finite(scenarios, trajectory, prior, summaries, bounds)
         return _Core(
@@ -188,13 +196,45 @@ class Twin:
         """What to tell a client that asked to be strict of a scenario with this verdict."""
         return OutsideDomainError(f"{self.name}@{self.version}", verdict)
 
-    def half_widths(self, scenarios: Scenarios, time_s: Array, level: float) -> tuple[Array, Array]:
-        """Half-widths (m) of the band in x and y, each of shape (scenario, time).
+    @property
+    def doubt(self) -> Doubt | None:
+        """What the version knows of the errors of its force balance; None for another kind of band, and without one."""
+        return self.band if isinstance(self.band, Doubt) else None
 
-        Raises InvalidValueError for a version without a band or a level that is not 0.5 to 0.99.
+    @property
+    def offset_model(self) -> OffsetModel:
+        """The model, of a twin that has a `doubt`: `load_twin` sees to it."""
+        return cast(OffsetModel, self.model)
+
+    @property
+    def settled_horizon_s(self) -> float:
+        """How long (s) the longest training run lasts."""
+        return self.domain.spans["horizon_s"][1]
+
+    def chances(self, scenarios: Sequence[Scenario]) -> Array | None:
+        """Probabilities that each climbs, stalls and slides at its horizon, (scenario, 3); None without a `doubt`.
+
+        Two drives each, and some more near where outcomes turn.
         """
-        band = self._known_band()
-        return band.half_widths(scenarios, time_s, level, self.model.positions(scenarios, band.look_s).x_m)
+        if self.doubt is None:
+            return None
+        physics, horizons = as_physics(scenarios), np.array([scenario.horizon_s for scenario in scenarios])
+        end = ends_of(self.offset_model, physics, horizons)
+        seen = self.model.positions(physics, self.doubt.look_s).x_m
+        return self.doubt.probabilities(self.offset_model, physics, horizons, end, seen)
+
+    def likely_outcomes(
+        self, physics: Scenarios, horizons_s: Array, late_speed_m_s: Array, end_m: Array, seen_m: Array
+    ) -> tuple[Outcome, ...]:
+        """The most probable outcome of each scenario; without a `doubt` that of the trajectory itself.
+
+        `late_speed_m_s` and `end_m` (scenario,) are mean speed over the last quarter and last position, `seen_m`
+        (scenario, look) x at the times at which a doubt looks.
+        """
+        if self.doubt is None:
+            return outcomes_of(late_speed_m_s, end_m)
+        end = late_speed_m_s, end_m
+        return named(self.doubt.likeliest(self.offset_model, physics, horizons_s, end, seen_m))
 
     def slip_ratios(self, scenarios: Scenarios, horizons_s: Array, mean_speeds_m_s: Array) -> tuple[float | None, ...]:
         """Of each scenario at its mean speed, (scenario,) each; None where the wheels stand still or nobody knows."""
@@ -216,13 +256,13 @@ class Twin:
         both = zip(mean_speeds_m_s.tolist(), wheels_rad_s.tolist(), strict=True)
         return tuple(slip_ratio(rover, speed, wheel) for speed, wheel in both)
 
-    def _known_band(self) -> Band:
+    def _known_band(self) -> Band | Doubt:
         if self.band is None:
             none = f"prior or speed; {self.name}@{self.version} was published without a band"
             raise InvalidValueError("include", "band", none)
         return self.band
 
-    def _band_for(self, asked: _Asked) -> Band | None:
+    def _band_for(self, asked: _Asked) -> Band | Doubt | None:
         if asked.band_level is None:
             return None
         if asked.frame is not Frame.SLOPE:
@@ -231,12 +271,15 @@ class Twin:
             )
         return self._known_band()
 
-    def _summarise(self, physics: Scenarios, horizons_s: Array, shown: Positions, whole: Positions) -> Summaries:
-        """`whole` has the model's answer at `own_times`; `shown` ends where it does."""
+    def _summarise(
+        self, physics: Scenarios, horizons_s: Array, shown: Positions, whole: Positions, seen_m: Array
+    ) -> Summaries:
+        """`whole` has the model's answer at `own_times`, `shown` ends where it does; `seen_m`: `likely_outcomes`."""
         x = whole.x_m
+        late_speed = (x[:, -1] - late(x)) / (LAST_PART * horizons_s)
         mean_speed = (x[:, -1] - x[:, 0]) / horizons_s
         return Summaries(
-            outcome=outcomes_of((x[:, -1] - late(x)) / (LAST_PART * horizons_s)),
+            outcome=self.likely_outcomes(physics, horizons_s, late_speed, x[:, -1] - x[:, 0], seen_m),
             final_x_m=shown.x_m[:, -1],
             final_y_m=shown.y_m[:, -1],
             distance_m=path_length_m(whole),
@@ -283,14 +326,6 @@ def _joined(parts: Sequence[Array], rows: int) -> Array:
     if all(part.ndim == 1 for part in parts):
         return np.concatenate(parts)
     return np.concatenate([np.broadcast_to(part, (rows, part.shape[-1])) for part in parts], axis=1)
-
-
-def _around(
-    band: Band, centre: Positions, physics: Scenarios, time_s: Array, level: float, seen_m: Array
-) -> PredictionBand:
-    half_x, half_y = band.half_widths(physics, time_s, level, seen_m)
-    x, y = centre.x_m, centre.y_m
-    return PredictionBand(level, x - half_x, x + half_x, y - half_y, y + half_y)
 
 
 def _first_row(columns: Mapping[str, Array]) -> dict[str, Array]:

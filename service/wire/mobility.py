@@ -104,7 +104,7 @@ class MobilityAnswer(BaseModel):
     steepest_by: Annotated[
         Literal["band", "central_estimate"],
         Field(
-            description="`band`: the band's lower edge decides what is climbed. "
+            description="`band`: what the version knows of its errors decides what is climbed. "
             "`central_estimate`: the version has no band."
         ),
     ]
@@ -118,8 +118,13 @@ class MobilityAnswer(BaseModel):
         list[float | None],
         Field(
             description="For each torque, the slope up to which every slope of the map is climbed, to 0.01 deg. It is "
-            "never above the steepest slope of the map. null when the lowest slope is not climbed."
+            "never above the steepest slope of the map. null when the lowest slope is not climbed, or when no cell of "
+            "the torque is inside the domain."
         ),
+    ]
+    steepest_inside_domain: Annotated[
+        list[bool | None],
+        Field(description="For each torque, whether the steepest slope is inside the domain; null where it is null."),
     ]
 
 
@@ -138,6 +143,7 @@ def map_as_json(loaded: Loaded, found: MobilityMap) -> dict[str, Any]:
         "slip_ratio": [list(row) for row in found.slip_ratio],
         "inside_domain": found.inside_domain.tolist(),
         "steepest_climb_slope_deg": list(found.steepest_climb_slope_deg),
+        "steepest_inside_domain": list(found.steepest_inside_domain),
     }
 
 

@@ -12,7 +12,6 @@ from model_store import WEIGHTS, ModelStore
 from service.errors import CheckpointError, InvalidValueError
 from service.learning.band import BAND_FILE
 from service.learning.checkpoint import weights_bytes
-from service.physics.scenario import Scenarios
 from service.settings import Settings
 from service.twin import Frame, NonFiniteError, Scenario, Twin, sample_times
 from service.twin.load import load_twin
@@ -63,18 +62,6 @@ def test_the_band_does_not_depend_on_the_sampling_or_the_horizon(twin):
     short = twin.predict(Scenario(12, 500, 60, 4), sample_times(4, 0.5), band_level=0.9).band
 
     np.testing.assert_allclose(long.x_upper_m[:41:5], short.x_upper_m)
-
-
-def test_half_widths_of_many_scenarios_are_those_of_each(twin):
-    batch = Scenarios(np.radians([5.0, 15.0]), np.array([400.0, 800.0]), np.array([50.0, 90.0]))
-    times = np.array([0.0, 2.0, 9.0])
-
-    x, y = twin.half_widths(batch, times, 0.8)
-
-    for row, (slope, mass, torque) in enumerate([(5, 400, 50), (15, 800, 90)]):
-        band = twin.predict(Scenario(slope, mass, torque, 9), times, band_level=0.8).band
-        np.testing.assert_allclose(2 * x[row], band.x_upper_m - band.x_lower_m, atol=1e-12)
-        np.testing.assert_allclose(2 * y[row], band.y_upper_m - band.y_lower_m, atol=1e-12)
 
 
 def test_a_band_in_the_world_frame_is_refused(twin):

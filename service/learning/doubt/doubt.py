@@ -1,0 +1,190 @@
+"""The doubt about a model of motion: bands around its answers and probabilities of outcomes, for scenarios and drives.
+
+Cross-conformal over runs (Vovk 2015): each run is predicted by a model without it; its errors, in units of the scale
+that the *other* runs lead one to expect there, are scores, and a band's offset is the scale times their quantile. The
+promise is pointwise: of all times of all runs like these, that share lies inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from service.errors import InvalidValueError
+from service.learning.doubt import coverage, multipliers
+from service.learning.doubt.evidence import Evidence
+from service.learning.doubt.excursions import MOST_OFFSET, UNIT_OFFSET, late_part, mean_speed, remainder_m
+from service.learning.doubt.meeting import LAST_PART, Meeting, OffsetModel, look_times, scenario_places, settled_speed
+from service.learning.doubt.multipliers import Kinds
+from service.learning.doubt.outcomes import Class, OutcomeLaw, classes, find_borders
+from service.learning.doubt.scale import Scale
+from service.learning.edges import Edges
+from service.learning.observed import ObservedRun
+from service.physics.parameters import RegolithParameters, RoverParameters
+from service.physics.scenario import Array, Positions, Scenarios
+
+FEWEST_RUNS = 3
+LOWEST_LEVEL, HIGHEST_LEVEL = multipliers.LEVELS[0], multipliers.LEVELS[-1]
+
+_A_DRIVE = Kinds(np.array([multipliers.DRIVE]), np.zeros(1))
+# What a drive is with an offset: its positions (1, time) at the times of its meeting.
+OffsetDrive = Callable[[float], Positions]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Doubt:
+    """Immutable; safe to share by threads. `multipliers` (2, group, level) are those of x and y.
+
+    `measured` says how bands and probabilities did on left-out runs, as JSON values; it changes no answer.
+    """
+
+    rover: RoverParameters
+    regolith: RegolithParameters
+    scale: Scale
+    settled_s: float
+    multipliers: Array
+    outcomes: OutcomeLaw
+    measured: Mapping[str, Any]
+
+    @classmethod
+    def calibrate(cls, runs: Sequence[ObservedRun], models: Mapping[str, OffsetModel]) -> Doubt:
+        """From runs and, by name, a model that has not seen the run. Raises ValueError for fewer than three runs."""
+        if len(runs) < FEWEST_RUNS:
+            raise ValueError(f"doubt needs at least {FEWEST_RUNS} runs, got {len(runs)}")
+        prior, evidence = models[runs[0].name].prior, Evidence.of(runs, models)
+        expected = evidence.expected()
+        return cls(
+            rover=prior.rover,
+            regolith=prior.regolith,
+            scale=evidence.scale(),
+            settled_s=evidence.settled_s,
+            multipliers=coverage.tables(evidence, expected),
+            outcomes=OutcomeLaw.of(*evidence.outcomes(), UNIT_OFFSET * expected[0]),
+            measured=coverage.measure(evidence, expected),
+        )
+
+    @property
+    def look_s(self) -> Array:
+        """The times (s) at which the x of constant scenarios must be known, shape (look,)."""
+        return look_times(self.settled_s)
+
+    def edges(
+        self, model: OffsetModel, scenarios: Scenarios, time_s: Array, level: float, centre: Positions, seen_m: Array
+    ) -> Edges:
+        """The band around `centre`, what the model says at `time_s` of shape (time,) or (scenario, time).
+
+        `seen_m` (scenario, look) is the x that it says for `look_s`. Raises InvalidValueError for a level that is not
+        0.5 to 0.99.
+        """
+        scales, kinds = self._scenario_scales(scenarios, seen_m)
+        factors = self._factors(kinds, level)
+        offsets = np.minimum(factors[0] * scales[0] * UNIT_OFFSET, MOST_OFFSET)
+        sides = [model.positions_with(scenarios, time_s, side * offsets).x_m for side in (1.0, -1.0)]
+        return _edges(centre, sides, time_s, factors * scales)
+
+    def drive_edges(self, drive: OffsetDrive, meeting: Meeting, level: float, centre: Positions) -> Edges:
+        """The band around a drive's positions `centre` (1, time), at the times of its meeting."""
+        scales = self.drive_scales(meeting)
+        factors = self._factors(_A_DRIVE, level)
+        offset = float(min(factors[0, 0] * scales[0, 0] * UNIT_OFFSET, MOST_OFFSET))
+        return _edges(centre, [drive(offset).x_m, drive(-offset).x_m], meeting.time_s, factors * scales)
+
+    def probabilities(
+        self, model: OffsetModel, scenarios: Scenarios, horizon_s: Array, end: tuple[Array, Array], seen_m: Array
+    ) -> Array:
+        """Of climbing, stalling and sliding at the end of each horizon, (scenario, 3).
+
+        `end` is what the model says of the mean speed over the last quarter and of the last position, (scenario,) each.
+        """
+        scale = UNIT_OFFSET * self._scenario_scales(scenarios, seen_m)[0][0]
+
+        def ends(offsets: Array, rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
+            return ends_of(model, _only(scenarios, rows), horizon_s[rows], offsets)
+
+        reach = np.minimum(self.outcomes.reach(scale), MOST_OFFSET)
+        return self.outcomes.probabilities(find_borders(ends, *end, reach), scale)
+
+    def likeliest(
+        self, model: OffsetModel, scenarios: Scenarios, horizon_s: Array, end: tuple[Array, Array], seen_m: Array
+    ) -> npt.NDArray[np.intp]:
+        """The most probable outcome of each, (scenario,) of `Class`. Arguments as those of `probabilities`.
+
+        An error is as often above zero as below, so that what climbs or slides without one most probably does: only
+        where the model stalls, or has slid and goes up again, are probabilities needed.
+        """
+        found = classes(*end)
+        unclear = (found == Class.STALLS) | ((found == Class.SLIDES) & (end[0] > 0))
+        if (rows := np.flatnonzero(unclear)).size:
+            part = end[0][rows], end[1][rows]
+            chances = self.probabilities(model, _only(scenarios, rows), horizon_s[rows], part, seen_m[rows])
+            found[rows] = chances.argmax(axis=1)
+        return found
+
+    def surely_climbs(
+        self, model: OffsetModel, scenarios: Scenarios, horizon_s: Array, confidence: float, seen_m: Array
+    ) -> npt.NDArray[np.bool_]:
+        """Whether each climbs with at least this probability at the end of its horizon, (scenario,). One drive each."""
+        scale = UNIT_OFFSET * self._scenario_scales(scenarios, seen_m)[0][0]
+        against = self.outcomes.surely(confidence, scale)
+        late = ends_of(model, scenarios, horizon_s, np.clip(against, -MOST_OFFSET, MOST_OFFSET))
+        return np.asarray((classes(*late) == Class.CLIMBS) & (against <= MOST_OFFSET))
+
+    def drive_probabilities(self, drive: OffsetDrive, meeting: Meeting) -> Array:
+        """Of passing, sticking and sliding at the end of a drive, (3,)."""
+        scale = UNIT_OFFSET * self.drive_scales(meeting)[0]
+        seconds = late_part(meeting.time_s, meeting.driven)
+
+        def ended(x_m: Array) -> tuple[float, float]:
+            return float(mean_speed(x_m, meeting.time_s, seconds)), float(x_m[-1] - x_m[0])
+
+        def ends(offsets: Array, _rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
+            found = np.array([ended(drive(float(offset)).x_m[0]) for offset in offsets])
+            return found[:, 0], found[:, 1]
+
+        late, end = ended(meeting.x_m)
+        reach = np.minimum(self.outcomes.reach(scale), MOST_OFFSET)
+        found = find_borders(ends, np.array([late]), np.array([end]), reach)
+        return np.asarray(self.outcomes.probabilities(found, scale)[0])
+
+    def drive_scales(self, meeting: Meeting) -> Array:
+        """What to expect along a drive: (2, 1), of offsets in units of UNIT_OFFSET, and of y (m)."""
+        return np.asarray(self.scale.at(meeting.places(self.rover, self.regolith)).mean(axis=1, keepdims=True))
+
+    def _scenario_scales(self, scenarios: Scenarios, seen_m: Array) -> tuple[Array, Kinds]:
+        speed = settled_speed(seen_m, self.settled_s)
+        there = scenario_places(self.rover, self.regolith, scenarios, speed)
+        coasts = (scenarios.slope_angle_rad < 0) | (scenarios.torque_nm == 0)
+        kind = np.where(coasts, multipliers.COAST, multipliers.UPHILL)
+        return self.scale.at(there), Kinds(kind, speed)
+
+    def _factors(self, kinds: Kinds, level: float) -> Array:
+        """For x and y, (2, scenario)."""
+        if not LOWEST_LEVEL <= level <= HIGHEST_LEVEL:
+            raise InvalidValueError("band_level", level, f"{LOWEST_LEVEL:g} to {HIGHEST_LEVEL:g}")
+        return np.stack([multipliers.at(table, kinds, level) for table in self.multipliers])
+
+
+def _edges(centre: Positions, sides: Sequence[Array], time_s: Array, sizes: Array) -> Edges:
+    """With what the offsets leave; `sizes` (2, scenario) are factors times scales of x and y."""
+    x, y = centre.x_m, centre.y_m
+    room = sizes[0][:, None] * remainder_m(time_s, x)
+    low = np.minimum(np.minimum(*sides), x) - room
+    high = np.maximum(np.maximum(*sides), x) + room
+    return Edges(low, high, y - sizes[1][:, None], y + sizes[1][:, None])
+
+
+def ends_of(
+    model: OffsetModel, scenarios: Scenarios, horizon_s: Array, offsets: Array | float = 0.0
+) -> tuple[Array, Array]:
+    """Mean speeds (m/s) over the last quarter of each horizon and last positions (m), (scenario,) each."""
+    times = np.stack([(1.0 - LAST_PART) * horizon_s, horizon_s], axis=1)
+    x = model.positions_with(scenarios, times, offsets).x_m
+    return np.asarray((x[:, 1] - x[:, 0]) / (LAST_PART * horizon_s)), np.asarray(x[:, 1])
+
+
+def _only(scenarios: Scenarios, rows: npt.NDArray[np.intp]) -> Scenarios:
+    return Scenarios(scenarios.slope_angle_rad[rows], scenarios.mass_kg[rows], scenarios.torque_nm[rows])

@@ -1,0 +1,172 @@
+"""How likely a rover climbs, stalls or slides: where its outcome turns, against how wrong the force balance may be.
+
+The outcome falls from climbing to sliding as resistance grows, so that a few offsets tell all: from where on the rover
+no longer climbs, ends below its start, slides. Errors of the force balance are taken to have Student's t distribution
+with four degrees of freedom, in units of `spread` times the scale there; `spread` is what makes the left-out runs' own
+outcomes most likely. No probability is nearer to 0 or 1 than the number of runs supports: half a run is added to each
+outcome (Krichevsky and Trofimov, 1981).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from service.physics.scenario import Array
+
+LATE_SPEED_M_S = 0.015  # of Chrono's runs, those that creep stay below 8 mm/s, those that climb or slide above 20
+# What is believed of `spread` before runs are seen, in its logarithm. Three and five degrees of freedom instead of four
+# give left-out runs the same probabilities, to 1 % of their logarithm.
+_USUAL_SPREAD, _SPREAD_DEVIATION = 1.5, 0.5
+_SPREADS: Array = np.geomspace(0.2, 12.0, 60)
+_ROUNDS = 8  # of halving an interval in which an outcome turns
+
+Classes = npt.NDArray[np.intp]
+# From offsets (row,) and rows to late speeds (m/s) and last positions (m from the start) of scenarios, (row,) each.
+Ends = Callable[[Array, npt.NDArray[np.intp]], tuple[Array, Array]]
+
+
+class Class(IntEnum):
+    """Columns of probabilities. Of a drive: passes, sticks, slides."""
+
+    CLIMBS = 0
+    STALLS = 1
+    SLIDES = 2
+
+
+def classes(late_speed_m_s: Array, end_m: Array) -> npt.NDArray[np.intp]:
+    """By the mean speed over the last quarter (of a drive: of as much time in which its motors drove), (scenario,).
+
+    A rover that goes up in the end, but is still below its start (`end_m` < 0), has slid.
+    """
+    goes_up = late_speed_m_s > LATE_SPEED_M_S
+    slides = (late_speed_m_s < -LATE_SPEED_M_S) | (goes_up & (end_m < 0))
+    return np.where(slides, Class.SLIDES, np.where(goes_up, Class.CLIMBS, Class.STALLS))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Borders:
+    """The offsets from which on rovers no longer go up, end below their start, and slide, (scenario,) each.
+
+    Infinite: at no offset, or at all, within reach.
+    """
+
+    stalls_from: Array
+    below_from: Array
+    slides_from: Array
+
+
+@dataclass(frozen=True, slots=True)
+class OutcomeLaw:
+    """Probabilities from borders. `spread` in units of the scale; `runs` is how many there were."""
+
+    spread: float
+    runs: int
+
+    @classmethod
+    def of(cls, true: Classes, borders: Borders, scales: Array) -> OutcomeLaw:
+        """Of left-out runs: what they did, their models' borders, and the scales (fractions of the weight) there."""
+        return cls(_likeliest(_likelihoods(true, borders, scales).sum(axis=1)), len(true))
+
+    @staticmethod
+    def left_out(true: Classes, borders: Borders, scales: Array) -> Array:
+        """The probabilities of each run, (run, 3), from a law that was made without it."""
+        each = _likelihoods(true, borders, scales)
+        others = each.sum(axis=1, keepdims=True) - each
+        spreads = np.array([_likeliest(column) for column in others.T])
+        return _probabilities(borders, spreads * scales, max(len(true) - 1, 1))
+
+    def probabilities(self, borders: Borders, scale: Array) -> Array:
+        """Of climbing, stalling and sliding, (scenario, 3), for scales (scenario,), fractions of the weight."""
+        return _probabilities(borders, self.spread * scale, self.runs)
+
+    def reach(self, scale: Array) -> Array:
+        """The offset beyond which errors are rarer than the number of runs tells, (scenario,)."""
+        return self._offset(1.0 - 0.5 / (self.runs + 1.5), scale)
+
+    def surely(self, confidence: float, scale: Array) -> Array:
+        """The offset that a rover must still climb against to climb with at least this probability, (scenario,).
+
+        Infinite where so few runs support no such confidence.
+        """
+        return self._offset((confidence * (self.runs + 1.5) - 0.5) / self.runs, scale)
+
+    def _offset(self, share: float, scale: Array) -> Array:
+        """Which errors stay below with this probability."""
+        return np.asarray(self.spread * scale * _quantile(share))
+
+
+def find_borders(ends: Ends, late_speed_m_s: Array, end_m: Array, reach: Array) -> Borders:
+    """The borders of scenarios; infinite beyond `reach` (scenario,).
+
+    `late_speed_m_s` and `end_m` are those without an offset. Most scenarios end alike at both ends of the reach: they
+    cost two drives, the others eight more for each border.
+    """
+    every = np.arange(len(reach))
+    middle = np.stack([late_speed_m_s, end_m])
+    high = np.maximum(np.stack(ends(-reach, every)), middle)
+    low = np.minimum(np.stack(ends(reach, every)), middle)
+    wanted = ((0, LATE_SPEED_M_S), (1, 0.0), (0, -LATE_SPEED_M_S))
+    found = [_border(ends, of, least, (high[of], middle[of], low[of]), reach) for of, least in wanted]
+    return Borders(found[0], found[1], np.maximum(found[0], found[2]))
+
+
+def _border(ends: Ends, of: int, least: float, known: tuple[Array, Array, Array], reach: Array) -> Array:
+    """Halving between offsets on both sides of where one of the ends falls to `least`; then a straight line.
+
+    `known` are its values at minus reach, 0 and reach.
+    """
+    high, middle, low = known
+    found = np.where(high < least, -np.inf, np.inf)
+    rows = np.flatnonzero((high >= least) & (low < least))
+    if not len(rows):
+        return found
+    above = middle[rows] >= least
+    left, right = np.where(above, 0.0, -reach[rows]), np.where(above, reach[rows], 0.0)
+    upper, lower = np.where(above, middle[rows], high[rows]), np.where(above, low[rows], middle[rows])
+    for _ in range(_ROUNDS):
+        half = 0.5 * (left + right)
+        there = ends(half, rows)[of]
+        over = there >= least
+        left, upper = np.where(over, half, left), np.where(over, there, upper)
+        right, lower = np.where(over, right, half), np.where(over, lower, there)
+    found[rows] = left + (right - left) * np.clip((upper - least) / np.maximum(upper - lower, 1e-12), 0.0, 1.0)
+    return found
+
+
+def _probabilities(borders: Borders, width: Array, runs: int) -> Array:
+    climbs = _cumulated(np.minimum(borders.stalls_from, borders.below_from) / width)
+    stalls = _cumulated(borders.slides_from / width) - _cumulated(borders.stalls_from / width)
+    found = np.stack([climbs, stalls, 1.0 - climbs - stalls], axis=-1)
+    return np.asarray((runs * np.clip(found, 0.0, 1.0) + 0.5) / (runs + 1.5))
+
+
+def _likelihoods(true: Classes, borders: Borders, scales: Array) -> Array:
+    """Logarithms of what each spread says of each run's own outcome, (spread, run)."""
+    rows = np.arange(len(true))
+    return np.stack([np.log(_probabilities(borders, spread * scales, len(true))[rows, true]) for spread in _SPREADS])
+
+
+def _likeliest(likelihood: Array) -> float:
+    prior = 0.5 * np.square(np.log(_SPREADS / _USUAL_SPREAD) / _SPREAD_DEVIATION)
+    return float(_SPREADS[int((prior - likelihood).argmin())])
+
+
+def _cumulated(t: Array) -> Array:
+    """Student's t with four degrees of freedom, in closed form."""
+    bounded = np.clip(t, -1e8, 1e8)
+    sine = 0.5 * bounded / np.sqrt(1.0 + 0.25 * np.square(bounded))
+    return np.asarray(0.5 + 0.75 * sine * (1.0 - np.square(sine) / 3.0))
+
+
+def _quantile(share: float) -> float:
+    """The t that a share lies below (Shaw 2006, Sampling Student's t distribution, section 4)."""
+    if not 0.0 < share < 1.0:
+        return np.inf if share >= 1.0 else -np.inf
+    product = 4.0 * share * (1.0 - share)
+    root = np.cos(np.arccos(np.sqrt(product)) / 3.0) / np.sqrt(product)
+    return float(np.copysign(2.0 * np.sqrt(max(root - 1.0, 0.0)), share - 0.5))
