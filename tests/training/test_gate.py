@@ -258,9 +258,10 @@ def test_a_job_that_is_stopped_before_its_move_moves_nothing(tmp_path):
     assert promotion.judge(store, made, margin=0.05, promote=True).move.version == made.version
 
 
-def test_the_shipped_champion_beats_its_predecessor_on_the_runs_that_both_left_out():
+def test_the_shipped_champion_beats_the_paper_s_network_on_the_runs_that_both_left_out():
     store = ModelStore.open(Path(model_store.__file__).parent)
-    judged = compare(store, "viper-lunar", 2, 1)
+    champion = store.resolve("viper-lunar").version
+    judged = compare(store, "viper-lunar", champion, 1)
     assert (judged.verdict, judged.common_runs) == (Verdict.BETTER, 10)
     assert judged.ratio < 0.5
-    assert compare(store, "viper-lunar", 1, 2).verdict is Verdict.NOT_BETTER
+    assert compare(store, "viper-lunar", 1, champion).verdict is Verdict.NOT_BETTER

@@ -34,5 +34,6 @@ class Rolling:
 
 
 def rolling(twin: Twin) -> Twin:
-    """The same twin with that model."""
-    return replace(twin, model=Rolling(twin.model.prior))
+    """The same twin with that model, and without a doubt: that is of a model with a force balance."""
+    band = None if twin.doubt else twin.band
+    return replace(twin, model=Rolling(twin.model.prior), band=band)

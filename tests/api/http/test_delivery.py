@@ -51,7 +51,7 @@ def test_who_has_the_answer_is_not_sent_it_again(service, address):
 
 def test_not_modified_is_said_without_arithmetic(service, monkeypatch):
     tags = {address: raw(service, *ADDRESSES[address])[1]["etag"] for address in ("prediction", "mobility")}
-    for arithmetic in ("predict_many", "predict", "half_widths", "slip_ratios"):
+    for arithmetic in ("predict_many", "predict", "likely_outcomes", "slip_ratios"):
         monkeypatch.delattr(Twin, arithmetic)
 
     for address, tag in tags.items():
