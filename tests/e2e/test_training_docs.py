@@ -156,7 +156,7 @@ def test_the_page_holds_and_no_prediction_fails_meanwhile(clone: Path, tmp_path:
 
     assert load.failures == []
     assert sum(load.versions.values()) > 100
-    assert set(load.versions) == {4, 5}
+    assert set(load.versions) == {5, 6}
     _require_answers(told, clone.parent / "training")
 
 
@@ -194,23 +194,23 @@ def _require_answers(told: list[tuple[str, str]], made: Path) -> None:
     )
     assert rest == events[6:]
     result = answer(r"training-jobs/\$JOB$")["result"]
-    assert (result["version"], result["promoted"]) == (5, False)
+    assert (result["version"], result["promoted"]) == (6, False)
     assert result["comparison"]["sentence"].split() == _shown_sentence()
-    assert "viper-lunar@candidate is version 5" in printed("/logs$")
+    assert "viper-lunar@candidate is version 6" in printed("/logs$")
 
     moved, back = answer("-X PUT "), answer("/rollback$")
-    assert (moved["version"], moved["actor"], back["version"]) == (5, "admin:ada", 4)
-    assert answer("/v1/predictions")["model"]["version"] == 5
-    assert [move["version"] for move in answer("/history$")["history"]] == [4, 5, 4, 3, 2, 1]
+    assert (moved["version"], moved["actor"], back["version"]) == (6, "admin:ada", 5)
+    assert answer("/v1/predictions")["model"]["version"] == 6
+    assert [move["version"] for move in answer("/history$")["history"]] == [5, 6, 5, 4, 3, 2, 1]
     assert answer("/cancel$")["state"] == "cancelled"
     assert [job["id"] for job in answer("state=cancelled")["jobs"]] == [answer("/cancel$")["id"]]
 
-    assert "viper-lunar@6" in printed("jobs start .*if_better")
-    assert "viper-lunar@7" in printed("jobs start .*paper --watch")
+    assert "viper-lunar@7" in printed("jobs start .*if_better")
+    assert "viper-lunar@8" in printed("jobs start .*paper --watch")
     assert "the same weights" in printed("train --like")
 
 
 def _shown_sentence() -> list[str]:
-    (shown,) = re.findall(r"^    (viper-lunar@5 is .*?)\n\n", PAGE.read_text(), re.MULTILINE | re.DOTALL)
+    (shown,) = re.findall(r"^    (viper-lunar@6 is .*?)\n\n", PAGE.read_text(), re.MULTILINE | re.DOTALL)
     words: list[str] = shown.split()
     return words
