@@ -199,11 +199,11 @@ def test_the_prior_is_calibrated_on_the_constant_runs_alone(driven):
 
 
 @pytest.mark.slow
-def test_a_drive_model_of_drives_alone_has_neither_band_nor_neighbours(store):
+def test_a_drive_model_of_drives_alone_has_a_band_and_no_neighbours(store):
     put_dataset(store, "varying", [replace(run, name=f"{run.name}_{at}") for at in (1, 2) for run in DRIVES])
     config = CONFIG.model_copy(update={"datasets": ["varying"], "architecture": "drive_model", **WHOLE})
     manifest = published(store, config)
-    assert manifest.band is None
+    assert manifest.band is not None
     assert "runs" not in manifest.domain
     twin = load_twin(store, "unit", manifest.version)
     assert np.isfinite(twin.model.positions(Scenarios.of(5, 430, 60), np.linspace(0, 4, 9)).x_m).all()
