@@ -6,7 +6,9 @@ over the distance between points. A run's left-out error divided by the standard
 open at it is the error per unit of ignorance; its geometric mean over the nearby runs, weighted by a Gaussian kernel,
 is the local scale s: errors span 1 mm to metres, and an arithmetic mean would be that of the worst run. Then s sqrt(C)
 is the error to expect: large where runs are far and where nearby ones were predicted badly, as they are around the
-threshold between climbing and sliding.
+threshold between climbing and sliding. Where the version knows the errors of its force balance, they and the entropy
+of the outcome are the scale instead: then metres of sliding, of which there are many whatever one simulates, do not
+count, and the threshold does.
 
 Suggestions are picked one by one. Each is the candidate that lowers the mean of s sqrt(C) over all candidates the most
 once it is simulated: C <- C - C_j C_j' / (C_jj + nugget). So a batch spreads by itself, its first n members do not
@@ -18,7 +20,7 @@ they give a rank correlation of 0.66 between expected and found error; the dista
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,11 +61,15 @@ class SuggestedRun:
 
 
 def suggest_runs(
-    known: Neighbourhood, spans: Mapping[str, tuple[float, float]], count: int
+    known: Neighbourhood,
+    spans: Mapping[str, tuple[float, float]],
+    count: int,
+    unsure: Callable[[Scenarios], Array] | None = None,
 ) -> tuple[SuggestedRun, ...]:
     """`count` scenarios beside the known runs, the most useful first.
 
-    `spans` bounds slope_deg, mass_kg, torque_nm and torque_ratio; the longest horizon_s in it is that of every
+    `unsure` says how much there is to learn at scenarios, (scenario,), in any unit; without it their left-out errors
+    do. `spans` bounds slope_deg, mass_kg, torque_nm and torque_ratio; the longest horizon_s in it is that of every
     suggestion. Raises InvalidValueError for a count outside 1 to 64, for more than 2000 known runs, and when these
     leave too few gaps.
     """
@@ -76,7 +82,9 @@ def suggest_runs(
     nearest = distances.argmin(axis=1)
     scale = _error_scale(known, points)
     free = distances.min(axis=1) >= SMALLEST_DISTANCE
-    picks = _picks(points, known.places, np.ones(len(points)) if scale is None else scale, free, count)
+    by_errors = np.ones(len(points)) if scale is None else scale
+    weights = by_errors if unsure is None else unsure(candidates)
+    picks = _picks(points, known.places, weights, free, count)
     slopes_deg = np.degrees(candidates.slope_angle_rad)
     return tuple(
         SuggestedRun(

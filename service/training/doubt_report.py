@@ -14,10 +14,13 @@ _COLUMNS = ("regime", "runs", "times inside", "whole runs inside", "y inside", "
 _INSIDE, _WHOLE = "#0072B2", "#D55E00"
 
 
-def doubt_report(measured: Mapping[str, Any]) -> dict[str, bytes]:
-    """Files of the report by their path in a version, from `Doubt.measured`. The same input gives the same bytes."""
+def doubt_report(measured: Mapping[str, Any], steeper: Mapping[str, Any] | None = None) -> dict[str, bytes]:
+    """Files of the report by their path in a version, from `Doubt.measured` and `measure_steeper`.
+
+    The same input gives the same bytes.
+    """
     return {
-        "report/doubt.md": _page(measured).encode(),
+        "report/doubt.md": (_page(measured) + _steeper(steeper)).encode(),
         "report/doubt_regimes.svg": as_svg(regimes_figure(measured)),
         "report/doubt_reliability.svg": as_svg(reliability_figure(measured)),
     }
@@ -77,13 +80,17 @@ def _page(measured: Mapping[str, Any]) -> str:
     )
 
 
+def _steeper(found: Mapping[str, Any] | None) -> str:
+    return "" if found is None else _STEEPER.format(**found, per_cent=_percent(found["share"], 2))
+
+
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     rule = ["---"] + ["---:"] * (len(columns) - 1)
     return "\n".join(f"| {' | '.join(row)} |" for row in (columns, rule, *rows))
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.1f} %"
+def _percent(share: float, digits: int = 1) -> str:
+    return f"{100 * share:.{digits}f} %"
 
 
 _PAGE = """# How far to trust this version
@@ -114,4 +121,12 @@ Of these runs, {counts}. The most probable outcome was right for {right}. The me
 better), that of the outcomes' base rates {base}. In fifths, by how sure the version was:
 
 {fifths}
+"""
+
+_STEEPER = """
+## Steeper never gets further
+
+In {columns} columns of one mass and torque inside the domain, {further} of {steps} steps of {step_deg} ° more
+({per_cent}) take the rover more than {allowed_m} m further in ten seconds, in {columns_with_one} columns. In {sure} of
+these steps the bands of both slopes do not overlap.
 """

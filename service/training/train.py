@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, cast
 
 import safetensors.numpy
 import torch
@@ -17,6 +17,8 @@ from service.learning.calibration import calibrate_prior, calibrate_wheel_resist
 from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
 from service.learning.doubt.doubt import Doubt
+from service.learning.doubt.meeting import OffsetModel
+from service.learning.doubt.steeper import measure_steeper
 from service.learning.doubt.stored import describe_doubt, doubt_bytes
 from service.learning.evaluate import RunEvaluation, describe_evaluation, evaluate, evaluate_positions, summarise
 from service.learning.network.fit import FitOutcome
@@ -55,6 +57,7 @@ class Trained:
     left_out: Mapping[str, Positions]
     left_out_evaluations: list[RunEvaluation]
     left_out_slope_evaluations: list[RunEvaluation]
+    steeper: Mapping[str, Any] | None = None
 
 
 def prepare(store: ModelStore, config: TrainingConfig, announce: Announce) -> Prepared:
@@ -90,18 +93,20 @@ def evaluate_fitted(
     of_series = [run for run in split.train if run.name in fitted.left_out_slopes]
     errors = {each.run: each.model.final_m for each in left_out}
     domain = Domain.of_runs(split.train, data.rover, data.regolith, errors)
+    band = _band(split.train, fitted, domain)
     return Trained(
         model=fitted.model,
         data=data,
         split=split,
         outcome=fitted.outcome,
         domain=domain,
-        band=_band(split.train, fitted, domain),
+        band=band,
         train_evaluations=_evaluate_each(fitted.model, split.train, check),
         test_evaluations=_evaluate_each(fitted.model, split.test, check),
         left_out=fitted.left_out,
         left_out_evaluations=left_out,
         left_out_slope_evaluations=evaluate_positions(prepared.prior, of_series, fitted.left_out_slopes),
+        steeper=_steeper(fitted, band, domain),
     )
 
 
@@ -113,6 +118,12 @@ def _band(runs: Sequence[ObservedRun], fitted: Fitted, domain: Domain) -> Band |
     if not fitted.left_out or len(constant) < FEWEST_BAND_RUNS:
         return None
     return Band.calibrate(constant, fitted.left_out, domain)
+
+
+def _steeper(fitted: Fitted, band: Band | Doubt | None, domain: Domain) -> Mapping[str, Any] | None:
+    if not isinstance(band, Doubt):
+        return None
+    return measure_steeper(cast(OffsetModel, fitted.model), band, domain)  # its kind made the left-out models
 
 
 def _evaluate_each(
@@ -140,7 +151,7 @@ def publish_trained(
     For a `job` that is done once only: later calls return the manifest of the first one. `check` is called when the
     report is drawn, which takes a second or two, and nothing is written yet; it may raise to leave it at that.
     """
-    described_band, files_of_band = _stored_band(trained.band)
+    described_band, files_of_band = _stored_band(trained.band, trained.steeper)
     draft = ManifestDraft(
         created_by=created_by,
         description=config.description,
@@ -169,12 +180,14 @@ def publish_trained(
     return store.publish(config.model, files, draft, once_key=job)
 
 
-def _stored_band(band: Band | Doubt | None) -> tuple[dict[str, Any] | None, dict[str, bytes]]:
+def _stored_band(
+    band: Band | Doubt | None, steeper: Mapping[str, Any] | None
+) -> tuple[dict[str, Any] | None, dict[str, bytes]]:
     """What the manifest says of a band, and its files."""
     if band is None:
         return None, {}
     if isinstance(band, Doubt):
-        return describe_doubt(band), {BAND_FILE: doubt_bytes(band)} | doubt_report(band.measured)
+        return describe_doubt(band), {BAND_FILE: doubt_bytes(band)} | doubt_report(band.measured, steeper)
     return band.describe(), {BAND_FILE: safetensors.numpy.save(band.tensors())}
 
 
@@ -209,14 +222,19 @@ def _checkpoint(trained: Trained) -> dict[str, Any]:
 
 
 def training_metrics(trained: Trained) -> dict[str, Any]:
-    """Errors on test runs, left-out runs and training runs, and how the fit went: plain JSON content."""
+    """Errors on test runs, left-out runs and training runs, and how the fit went: plain JSON content.
+
+    Where the version knows the errors of its force balance, how its band and its probabilities did on left-out runs too
+    (`doubt`), and how often the model has a steeper slope take the rover further (`steeper`).
+    """
+    band = trained.band
     return {
         "test": describe_evaluation(trained.test_evaluations),
         "left_out": describe_evaluation(trained.left_out_evaluations),
         "left_out_slopes": describe_evaluation(trained.left_out_slope_evaluations),
         "train": summarise(trained.train_evaluations),
         "fit": asdict(trained.outcome),
-    }
+    } | ({"doubt": dict(band.measured), "steeper": trained.steeper} if isinstance(band, Doubt) else {})
 
 
 def _report(evaluations: list[RunEvaluation]) -> bytes:

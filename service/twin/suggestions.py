@@ -1,22 +1,26 @@
-"""What to simulate next, judged by what the manifest of a version says of its training runs."""
+"""What to simulate next, judged by what a version knows of its training runs and of its errors."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from model_store import Manifest
+from model_store import Manifest, ModelStore
 from service.errors import CheckpointError, InvalidValueError
 from service.learning.domain import Domain
+from service.learning.doubt.stored import METHOD
 from service.learning.suggest import SuggestedRun, suggest_runs
 from service.physics.priors import restore_prior
+from service.physics.scenario import Array, Scenarios
+from service.twin.load import load_twin
 
 
-def suggestions(manifest: Manifest, count: int) -> tuple[SuggestedRun, ...]:
+def suggestions(store: ModelStore, manifest: Manifest, count: int) -> tuple[SuggestedRun, ...]:
     """What to simulate to make the next version better than this one.
 
-    Raises InvalidValueError for a version that does not list its runs, and what `suggest_runs` raises; CheckpointError
-    for a manifest that does not fit.
+    The model itself is asked only where the version knows the errors of its force balance. Raises InvalidValueError for
+    a version that does not list its runs, and what `suggest_runs` raises; CheckpointError for a manifest that does not
+    fit, and what `load_twin` raises.
     """
     version = f"{manifest.name}@{manifest.version}"
     checkpoint: Mapping[str, Any] = manifest.checkpoint
@@ -29,4 +33,14 @@ def suggestions(manifest: Manifest, count: int) -> tuple[SuggestedRun, ...]:
         raise InvalidValueError(
             "version", version, "a version whose manifest lists its training runs (domain.runs); train a new one"
         )
-    return suggest_runs(domain.neighbourhood, domain.spans, count)
+    if (manifest.band or {}).get("method") != METHOD:
+        return suggest_runs(domain.neighbourhood, domain.spans, count)
+    twin = load_twin(store, manifest.name, manifest.version)
+    doubt = twin.doubt
+    assert doubt is not None  # of that method
+    horizon = doubt.settled_s  # long enough for the shortest of its constant runs, and for outcomes to show
+
+    def unsure(scenarios: Scenarios) -> Array:
+        return doubt.unsure(twin.offset_model, scenarios, horizon)
+
+    return suggest_runs(domain.neighbourhood, {**domain.spans, "horizon_s": (0.0, horizon)}, count, unsure)

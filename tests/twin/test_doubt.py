@@ -9,17 +9,20 @@ import numpy as np
 import pytest
 import safetensors.numpy
 
+import model_store
 from model_store import WEIGHTS, ModelStore
 from service.errors import CheckpointError
 from service.learning.band import BAND_FILE
 from service.learning.checkpoint import weights_bytes
 from service.learning.domain import Domain
 from service.learning.doubt.doubt import Doubt
-from service.learning.doubt.outcomes import Class
+from service.learning.doubt.outcomes import Class, entropy
 from service.learning.doubt.stored import describe_doubt, doubt_bytes
+from service.physics.scenario import Scenarios
 from service.twin import Outcome, Scenario, Twin, sample_times
 from service.twin.load import load_twin
 from service.twin.mobility import MobilityMap, mobility_map
+from service.twin.suggestions import suggestions
 from tests.learning.doubt.pushed import MODEL, many, models
 from tests.learning.synthetic import synthetic_runs
 from tests.twin.published import draft, publish, zero_model
@@ -136,3 +139,37 @@ def test_a_model_without_a_force_balance_cannot_have_one():
 
 def test_the_file_holds_plain_arrays():
     assert set(safetensors.numpy.load(doubt_bytes(DOUBT))) == {"places", "sizes", "multipliers"}
+
+
+@pytest.mark.slow
+def test_the_shipped_champion_keeps_the_laws():
+    store = ModelStore.open(next(iter(model_store.__path__)))
+    twin = load_twin(store, "viper-lunar", store.alias("viper-lunar", "champion").version)
+    random = np.random.default_rng(3)
+    slope, mass = np.radians(random.uniform(-25, 34, 60)), random.uniform(300, 900, 60)
+    asked, times = Scenarios(slope, mass, random.uniform(0, 130, 60)), np.linspace(0, 30, 61)
+    centre, seen = twin.model.positions(asked, times), twin.model.positions(asked, twin.doubt.look_s).x_m
+    bands = [twin.doubt.edges(twin.offset_model, asked, times, level, centre, seen) for level in (0.5, 0.7, 0.9, 0.99)]
+
+    for narrow, wide in pairwise(bands):
+        assert (wide.x_low_m <= narrow.x_low_m + 1e-9).all()
+        assert (narrow.x_high_m <= wide.x_high_m + 1e-9).all()
+    rover, gravity = twin.model.prior.rover, twin.model.prior.regolith.gravity_m_s2
+    fall = 0.5 * gravity * np.sin(slope)[:, None] * times**2
+    fastest = rover.no_load_speed_rad_s * rover.wheel_radius_m * times + np.maximum(-fall, 0.0)
+    assert (bands[-1].x_high_m <= np.maximum(fastest, centre.x_m) + 1e-9).all()
+    assert (bands[-1].x_low_m >= np.minimum(-np.maximum(fall, 0.0), centre.x_m) - 1e-9).all()
+
+
+@pytest.mark.slow
+def test_the_shipped_champion_asks_for_runs_whose_outcome_is_open():
+    store = ModelStore.open(next(iter(model_store.__path__)))
+    twin = load_twin(store, "viper-lunar", store.alias("viper-lunar", "champion").version)
+    asked = suggestions(store, twin.manifest, 8)
+    chances = twin.chances([Scenario(run.slope_deg, run.mass_kg, run.torque_nm, run.horizon_s) for run in asked])
+    random = np.random.default_rng(4)
+    slopes, masses, torques = random.uniform(-25, 32, 200), random.uniform(300, 900, 200), random.uniform(0, 130, 200)
+    others = twin.chances([Scenario(*each, 10.0) for each in zip(slopes, masses, torques, strict=True)])
+
+    assert entropy(chances).mean() > 2.0 * entropy(others).mean()
+    assert suggestions(store, twin.manifest, 3) == asked[:3]

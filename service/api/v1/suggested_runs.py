@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
-from model_store import Manifest
+from model_store import Manifest, ModelStore
 from service.api.http.negotiation import choose
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
@@ -66,11 +66,11 @@ async def get_suggested_runs(
     require_name(name)
     form = choose(TABLE_MEDIA_TYPES, asked.format, request.headers.get("accept"))
     manifest = await services.manifest(name, version)
-    return await services.predictions.run(lambda: _computed(manifest, asked.n, form))
+    return await services.predictions.run(lambda: _computed(services.store, manifest, asked.n, form))
 
 
-def _computed(manifest: Manifest, count: int, form: TableFormat) -> Response:
-    runs = suggestions(manifest, count)
+def _computed(store: ModelStore, manifest: Manifest, count: int, form: TableFormat) -> Response:
+    runs = suggestions(store, manifest, count)
     body = dump(runs_as_json(manifest, runs)) if form is TableFormat.JSON else runs_as_csv(runs).encode()
     headers = {"Vary": "Accept", "Rover-Twin-Model": f"{manifest.name}@{manifest.version}"}
     return Response(body, headers=headers, media_type=TABLE_MEDIA_TYPES[form])

@@ -38,8 +38,9 @@ def suggest_runs(
     from service.twin.suggestions import suggestions
     from service.wire.suggested_runs import runs_as_csv, runs_as_json
 
-    manifest = find_version(open_store(store), reference)
-    runs = suggestions(manifest, count)
+    models = open_store(store)
+    manifest = find_version(models, reference)
+    runs = suggestions(models, manifest, count)
     if json:
         print_json(runs_as_json(manifest, runs))
     elif output is None:

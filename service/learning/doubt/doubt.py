@@ -8,7 +8,7 @@ promise is pointwise: of all times of all runs like these, that share lies insid
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,10 @@ import numpy.typing as npt
 from service.errors import InvalidValueError
 from service.learning.doubt import coverage, multipliers
 from service.learning.doubt.evidence import Evidence
-from service.learning.doubt.excursions import MOST_OFFSET, UNIT_OFFSET, late_part, mean_speed, remainder_m
+from service.learning.doubt.excursions import LARGEST_ERROR, UNIT_OFFSET, late_part, mean_speed, remainder_m
 from service.learning.doubt.meeting import LAST_PART, Meeting, OffsetModel, look_times, scenario_places, settled_speed
 from service.learning.doubt.multipliers import Kinds
-from service.learning.doubt.outcomes import Class, OutcomeLaw, classes, find_borders
+from service.learning.doubt.outcomes import Class, OutcomeLaw, classes, entropy, find_borders
 from service.learning.doubt.scale import Scale
 from service.learning.edges import Edges
 from service.learning.observed import ObservedRun
@@ -30,6 +30,9 @@ from service.physics.scenario import Array, Positions, Scenarios
 FEWEST_RUNS = 3
 LOWEST_LEVEL, HIGHEST_LEVEL = multipliers.LEVELS[0], multipliers.LEVELS[-1]
 
+_SURE_NATS = 0.01  # what counts of a force balance where the outcome is sure
+_FAST_M_S = 0.1
+_LADDER = (LOWEST_LEVEL, 0.9, HIGHEST_LEVEL)
 _A_DRIVE = Kinds(np.array([multipliers.DRIVE]), np.zeros(1))
 # What a drive is with an offset: its positions (1, time) at the times of its meeting.
 OffsetDrive = Callable[[float], Positions]
@@ -81,17 +84,61 @@ class Doubt:
         0.5 to 0.99.
         """
         scales, kinds = self._scenario_scales(scenarios, seen_m)
-        factors = self._factors(kinds, level)
-        offsets = np.minimum(factors[0] * scales[0] * UNIT_OFFSET, MOST_OFFSET)
-        sides = [model.positions_with(scenarios, time_s, side * offsets).x_m for side in (1.0, -1.0)]
-        return _edges(centre, sides, time_s, factors * scales)
+
+        def sides(offsets: Array) -> Sequence[Array]:
+            return [model.positions_with(scenarios, time_s, side * offsets).x_m for side in (1.0, -1.0)]
+
+        edges = self._edges(sides, kinds, scales, level, centre, time_s)
+        slowest, fastest = self._possible(np.sin(scenarios.slope_angle_rad)[:, None], time_s)
+        return replace(
+            edges,
+            x_low_m=np.maximum(edges.x_low_m, np.minimum(slowest, centre.x_m)),
+            x_high_m=np.minimum(edges.x_high_m, np.maximum(fastest, centre.x_m)),
+        )
 
     def drive_edges(self, drive: OffsetDrive, meeting: Meeting, level: float, centre: Positions) -> Edges:
         """The band around a drive's positions `centre` (1, time), at the times of its meeting."""
-        scales = self.drive_scales(meeting)
-        factors = self._factors(_A_DRIVE, level)
-        offset = float(min(factors[0, 0] * scales[0, 0] * UNIT_OFFSET, MOST_OFFSET))
-        return _edges(centre, [drive(offset).x_m, drive(-offset).x_m], meeting.time_s, factors * scales)
+
+        def sides(offsets: Array) -> Sequence[Array]:
+            return [drive(side * float(offsets[0])).x_m for side in (1.0, -1.0)]
+
+        return self._edges(sides, _A_DRIVE, self.drive_scales(meeting), level, centre, meeting.time_s)
+
+    def _edges(
+        self,
+        sides: Callable[[Array], Sequence[Array]],
+        kinds: Kinds,
+        scales: Array,
+        level: float,
+        centre: Positions,
+        time_s: Array,
+    ) -> Edges:
+        """Between the bands of two levels of the ladder, each around those of all lower levels.
+
+        So a band of a higher level holds that of a lower one, though a model may get further against more resistance.
+        """
+        factors, x, y = self._factors(kinds, level), centre.x_m, centre.y_m
+        low, high = x, x
+        least = np.zeros(len(x))
+        for step in _LADDER:
+            most = self._factors(kinds, step)[0]
+            behind, ahead = sides(np.minimum(most * scales[0] * UNIT_OFFSET, LARGEST_ERROR))
+            room = (most * scales[0])[:, None] * remainder_m(time_s, x)
+            below = np.minimum(low, np.minimum(np.minimum(behind, ahead), x) - room)
+            above = np.maximum(high, np.maximum(np.maximum(behind, ahead), x) + room)
+            if level <= step:
+                share = ((factors[0] - least) / np.maximum(most - least, 1e-12))[:, None]
+                low, high = low + share * (below - low), high + share * (above - high)
+                break
+            low, high, least = below, above, most
+        half_y = (factors[1] * scales[1])[:, None]
+        return Edges(low, high, y - half_y, y + half_y)
+
+    def _possible(self, sine: Array, time_s: Array) -> tuple[Array, Array]:
+        """Between which x a rover from rest must be: it neither falls faster than freely nor outruns idling motors."""
+        fall = 0.5 * self.regolith.gravity_m_s2 * sine * np.square(time_s)
+        driven = self.rover.no_load_speed_rad_s * self.rover.wheel_radius_m * time_s
+        return -np.maximum(fall, 0.0), driven + np.maximum(-fall, 0.0)
 
     def probabilities(
         self, model: OffsetModel, scenarios: Scenarios, horizon_s: Array, end: tuple[Array, Array], seen_m: Array
@@ -105,7 +152,7 @@ class Doubt:
         def ends(offsets: Array, rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
             return ends_of(model, _only(scenarios, rows), horizon_s[rows], offsets)
 
-        reach = np.minimum(self.outcomes.reach(scale), MOST_OFFSET)
+        reach = np.minimum(self.outcomes.reach(scale), LARGEST_ERROR)
         return self.outcomes.probabilities(find_borders(ends, *end, reach), scale)
 
     def likeliest(
@@ -127,11 +174,36 @@ class Doubt:
     def surely_climbs(
         self, model: OffsetModel, scenarios: Scenarios, horizon_s: Array, confidence: float, seen_m: Array
     ) -> npt.NDArray[np.bool_]:
-        """Whether each climbs with at least this probability at the end of its horizon, (scenario,). One drive each."""
+        """Whether each climbs with at least this probability at the end of its horizon, (scenario,). One drive each.
+
+        One that is fast after `settled_s` goes on in its direction: only the others are driven to the end.
+        """
         scale = UNIT_OFFSET * self._scenario_scales(scenarios, seen_m)[0][0]
-        against = self.outcomes.surely(confidence, scale)
-        late = ends_of(model, scenarios, horizon_s, np.clip(against, -MOST_OFFSET, MOST_OFFSET))
-        return np.asarray((classes(*late) == Class.CLIMBS) & (against <= MOST_OFFSET))
+        against = np.asarray(self.outcomes.surely(confidence, scale))
+        offsets = np.clip(against, -LARGEST_ERROR, LARGEST_ERROR)
+        until = np.minimum(horizon_s, self.settled_s)
+        late, end = ends_of(model, scenarios, until, offsets)
+        found = classes(late, end)
+        slow = (np.abs(late) < _FAST_M_S) | (found != np.where(late > 0, Class.CLIMBS, Class.SLIDES))
+        if (rows := np.flatnonzero(slow & (horizon_s > until))).size:
+            found[rows] = classes(*ends_of(model, _only(scenarios, rows), horizon_s[rows], offsets[rows]))
+        return np.asarray((found == Class.CLIMBS) & (against <= LARGEST_ERROR))
+
+    def unsure(self, model: OffsetModel, scenarios: Scenarios, horizon_s: float) -> Array:
+        """How much there is to learn from simulating each scenario, (scenario,); see `worth`."""
+        horizons = np.full(len(scenarios), horizon_s)
+        seen = model.positions(scenarios, self.look_s).x_m
+        chances = self.probabilities(model, scenarios, horizons, ends_of(model, scenarios, horizons), seen)
+        return self.worth(self._scenario_scales(scenarios, seen)[0][0], chances)
+
+    def worth(self, scale: Array, chances: Array) -> Array:
+        """How much there is to learn where that is expected of offsets, (...,), and of outcomes, (..., 3).
+
+        Entropy of the outcome beyond that of the surest one; a little of it wherever something is.
+        """
+        runs = self.outcomes.runs
+        least = float(entropy(np.array([runs + 0.5, 0.5, 0.5]) / (runs + 1.5)))
+        return np.asarray(scale * (_SURE_NATS + np.maximum(entropy(chances) - least, 0.0)))
 
     def drive_probabilities(self, drive: OffsetDrive, meeting: Meeting) -> Array:
         """Of passing, sticking and sliding at the end of a drive, (3,)."""
@@ -146,7 +218,7 @@ class Doubt:
             return found[:, 0], found[:, 1]
 
         late, end = ended(meeting.x_m)
-        reach = np.minimum(self.outcomes.reach(scale), MOST_OFFSET)
+        reach = np.minimum(self.outcomes.reach(scale), LARGEST_ERROR)
         found = find_borders(ends, np.array([late]), np.array([end]), reach)
         return np.asarray(self.outcomes.probabilities(found, scale)[0])
 
@@ -166,15 +238,6 @@ class Doubt:
         if not LOWEST_LEVEL <= level <= HIGHEST_LEVEL:
             raise InvalidValueError("band_level", level, f"{LOWEST_LEVEL:g} to {HIGHEST_LEVEL:g}")
         return np.stack([multipliers.at(table, kinds, level) for table in self.multipliers])
-
-
-def _edges(centre: Positions, sides: Sequence[Array], time_s: Array, sizes: Array) -> Edges:
-    """With what the offsets leave; `sizes` (2, scenario) are factors times scales of x and y."""
-    x, y = centre.x_m, centre.y_m
-    room = sizes[0][:, None] * remainder_m(time_s, x)
-    low = np.minimum(np.minimum(*sides), x) - room
-    high = np.maximum(np.maximum(*sides), x) + room
-    return Edges(low, high, y - sizes[1][:, None], y + sizes[1][:, None])
 
 
 def ends_of(

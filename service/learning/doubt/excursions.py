@@ -13,7 +13,8 @@ from service.learning.doubt.outcomes import LATE_SPEED_M_S, classes
 from service.learning.observed import ObservedRun
 from service.physics.scenario import Array, Positions, Scenarios
 
-MOST_OFFSET = 0.25  # of the weight: beyond, a rover falls or flies
+MOST_OFFSET = 0.25  # of the weight: how far models are followed to see what a run has in reserve
+LARGEST_ERROR = 0.12  # of the weight: what soil takes anyway; left-out models were off by 0.04 at most
 _LEAST_OFFSET, _SIDE = 1e-4, 30
 OFFSETS: Array = np.concatenate(
     [
@@ -73,7 +74,7 @@ class Excursion:
 
     def scores(self, scale: float) -> Array:
         """Of each time after the first: the least factor of the scale with which the band holds the run."""
-        offsets = np.minimum(FACTORS * scale * UNIT_OFFSET, MOST_OFFSET)
+        offsets = np.minimum(FACTORS * scale * UNIT_OFFSET, LARGEST_ERROR)
         centre = self.central_m
         room = FACTORS[:, None] * (scale * remainder_m(self.time_s, centre - centre[0]))
         low = np.minimum(self._at(offsets), centre) - room
@@ -88,7 +89,7 @@ class Excursion:
 
     def half_width(self, factor: float, scale: float) -> Array:
         """Of the band with this factor, (time,), m."""
-        offset = np.array([min(factor * scale * UNIT_OFFSET, MOST_OFFSET)])
+        offset = np.array([min(factor * scale * UNIT_OFFSET, LARGEST_ERROR)])
         low, high = (np.minimum(self._at(offset)[0], self.central_m), np.maximum(self._at(-offset)[0], self.central_m))
         room = factor * scale * remainder_m(self.time_s, self.central_m - self.central_m[0])
         return np.asarray(0.5 * (high - low) + room)

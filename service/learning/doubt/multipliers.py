@@ -58,7 +58,9 @@ def multipliers(scores: Sequence[Array], kinds: Kinds) -> Array:
 
 def at(table: Array, kinds: Kinds, level: float) -> Array:
     """The multiplier of each scenario, (scenario,), from `multipliers`."""
-    by_group = np.array([np.interp(level, LEVELS, row) for row in table])
+    below = min(max(int(np.searchsorted(LEVELS, level)) - 1, 0), len(LEVELS) - 2)
+    share = (level - LEVELS[below]) / (LEVELS[below + 1] - LEVELS[below])
+    by_group = table[:, below] + share * (table[:, below + 1] - table[:, below])
     uphill = np.interp(_position(kinds.speed_m_s), _NODES, by_group[: len(_NODES)])
     return np.asarray(np.where(kinds.kind == UPHILL, uphill, by_group[np.maximum(kinds.kind, 0)]))
 

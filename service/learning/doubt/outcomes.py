@@ -100,6 +100,11 @@ class OutcomeLaw:
         return np.asarray(self.spread * scale * _quantile(share))
 
 
+def entropy(chances: Array) -> Array:
+    """Of probabilities (..., outcome) that are not zero, in nats, (...,)."""
+    return np.asarray(-(chances * np.log(chances)).sum(axis=-1))
+
+
 def find_borders(ends: Ends, late_speed_m_s: Array, end_m: Array, reach: Array) -> Borders:
     """The borders of scenarios; infinite beyond `reach` (scenario,).
 
