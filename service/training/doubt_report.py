@@ -81,7 +81,11 @@ def _page(measured: Mapping[str, Any]) -> str:
 
 
 def _steeper(found: Mapping[str, Any] | None) -> str:
-    return "" if found is None else _STEEPER.format(**found, per_cent=_percent(found["share"], 2))
+    if found is None:
+        return ""
+    between = found["between_deg"]
+    where = "" if between is None else f", from {between[0]:g} to {between[1]:g} °, by {found['most_m']:.2f} m at most"
+    return _STEEPER.format(**found, per_cent=_percent(found["share"], 2), where=where)
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -127,6 +131,6 @@ _STEEPER = """
 ## Steeper never gets further
 
 In {columns} columns of one mass and torque inside the domain, {further} of {steps} steps of {step_deg} ° more
-({per_cent}) take the rover more than {allowed_m} m further in ten seconds, in {columns_with_one} columns. In {sure} of
-these steps the bands of both slopes do not overlap.
+({per_cent}) take the rover more than {allowed_m} m further in ten seconds, in {columns_with_one} columns{where}.
+In {sure} of these steps the bands of both slopes do not overlap.
 """
