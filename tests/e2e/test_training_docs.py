@@ -181,7 +181,7 @@ def _require_answers(told: list[tuple[str, str]], made: Path) -> None:
     def answer(pattern: str) -> Any:
         return json.loads(printed(pattern))
 
-    tried, kept, raw = answer(r"tar\.gz .*datasets\?dry_run"), answer("-F name=paper "), answer("-X POST -T ")
+    tried, kept, raw = answer(r"/runs\.tar\.gz .*datasets\?dry_run"), answer("-F name=paper "), answer("-X POST -T ")
     assert (tried["stored"], kept["created"], raw["stored"]) == (False, True, True)
     assert tried["id"] == kept["id"] == raw["id"]
     assert answer("-F slope_deg=28 ")["report"]["summary"]["runs"] == 1
