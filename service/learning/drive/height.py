@@ -17,8 +17,8 @@ _RIDGE = 1e-4
 def fit_heights(engine: Engine, runs: Sequence[ObservedRun], observed: Sequence[Observation]) -> Array:
     """The law's `heights`, by least squares over all runs, each weighing the same.
 
-    The state is what the engine makes of each run's inputs: a run that it does not follow teaches little wrong, since
-    wheels hardly sink deeper where they stand still.
+    The state is what the engine makes of each run's inputs, so heights of a run that it does not follow are read at
+    other states than the run's. Models that leave a run out keep these numbers, which have seen its heights.
     """
     rows, heights = [], []
     for run, seen in zip(runs, observed, strict=True):
