@@ -26,6 +26,7 @@ from service.api import health, metrics
 from service.api.admin import AdminGate
 from service.api.http import docs
 from service.api.http.body_limit import BodyLimit
+from service.api.http.connection import ConnectionLimits, Connections, allow_files
 from service.api.http.errors import ErrorAnswers
 from service.api.http.instruments import Instruments
 from service.api.http.lanes import Lanes, lanes_of
@@ -56,7 +57,8 @@ from service.settings import Settings
 from service.twin import Twin, TwinRegistry
 
 _STORAGE_THREADS = 16
-_MAX_HEADER_BYTES = 32 * 1024
+_TICKS_OF_A_SECOND = 10
+_FOR_FORMS = {PREFIX: failure}
 _Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[LifespanState]]
 
 _log = structlog.get_logger(__name__)
@@ -151,7 +153,7 @@ def _assemble(
         ("POST", datasets.router.prefix): max_upload_bytes,
         ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, max_body_bytes),
     }
-    answer_to = ErrorAnswers({PREFIX: failure})
+    answer_to = ErrorAnswers(_FOR_FORMS)
     # the last one added is the outermost
     app.add_middleware(Lanes, lanes=[*lanes_of(predictions.router), *lanes_of(inference.router)], answer_to=answer_to)
     app.add_middleware(BodyLimit, limit_bytes=max_body_bytes, answer_to=answer_to, larger=larger)
@@ -182,8 +184,9 @@ class Server(uvicorn.Server):
     A load balancer needs that time to see it. SIGINT (Ctrl+C), or a second signal, ends without it.
     """
 
-    def __init__(self, config: uvicorn.Config, lifecycle: Lifecycle, drain_s: float) -> None:
+    def __init__(self, config: uvicorn.Config, lifecycle: Lifecycle, drain_s: float, connections: Connections) -> None:
         super().__init__(config)
+        self._connections = connections
         self._lifecycle = lifecycle
         self._drain_s = drain_s
         self._ends_at: float | None = None
@@ -204,6 +207,8 @@ class Server(uvicorn.Server):
 
     async def on_tick(self, counter: int) -> bool:
         """Called ten times a second; true ends the serving."""
+        if counter % _TICKS_OF_A_SECOND == 0:
+            self._connections.sweep()
         if not self.should_exit and self._ends_at is not None and time.monotonic() >= self._ends_at:
             self.handle_exit(signal.SIGTERM, None)
         return await super().on_tick(counter)
@@ -235,27 +240,36 @@ def _serve(
     limit_arenas()
     configure_logging(settings.log_level, settings.log_format)
     lifecycle = Lifecycle()
-    config = server_config(create_app(settings, lifecycle, instruments), settings)
+    counting = instruments or Instruments()
+    allow_files(settings.max_connections)
+    server = make_server(create_app(settings, lifecycle, counting), settings, lifecycle, counting)
     gc.collect()
     gc.freeze()  # modules and routes stay for good: no collection need look through them while requests wait
-    Server(config, lifecycle, settings.drain_s).run(sockets)
+    server.run(sockets)
 
 
-def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
-    """How uvicorn runs the app: bounded, quiet, trusting no proxy header."""
-    return uvicorn.Config(
+def make_server(app: FastAPI, settings: Settings, lifecycle: Lifecycle, instruments: Instruments) -> Server:
+    """A server that is bounded, quiet, and trusts no proxy header."""
+    limits = ConnectionLimits(
+        connections=settings.max_connections,
+        head_bytes=settings.max_head_bytes,
+        head_fields=settings.max_headers,
+        head_s=settings.head_timeout_s,
+        send_s=settings.send_timeout_s,
+    )
+    connections = Connections(limits, ErrorAnswers(_FOR_FORMS), instruments.refused)
+    config = uvicorn.Config(
         app,
         host=settings.host,
         port=settings.port,
         loop="uvloop",
-        http="httptools",
+        http=connections.protocol,  # type: ignore[arg-type] # called as the class would be
         ws="none",
         lifespan="on",
         log_config=None,  # log.py has configured it
         access_log=False,  # request_log.py writes it
         server_header=False,
         proxy_headers=False,
-        limit_concurrency=settings.max_connections,
         timeout_graceful_shutdown=settings.shutdown_grace_s,
-        h11_max_incomplete_event_size=_MAX_HEADER_BYTES,
     )
+    return Server(config, lifecycle, settings.drain_s, connections)

@@ -119,7 +119,21 @@ class Settings(BaseSettings):
         default=256, description="Predictions that may wait for a thread; the next one is refused with a 503."
     )
     max_connections: Annotated[int, Field(ge=16, le=1_000_000)] = Field(
-        default=2048, description="Connections served at the same time; the next one is refused with a 503."
+        default=2048,
+        description="Connections of a server process. One more takes the place of the one that has been idle for longest; "
+        "if none is idle it is refused with a 503, but for health.",
+    )
+    max_head_bytes: Annotated[int, Field(ge=4096, le=1 << 20)] = Field(
+        default=32 << 10, description="Largest head of a request (address and headers) in bytes; more is a 431."
+    )
+    max_headers: Annotated[int, Field(ge=16, le=10_000)] = Field(
+        default=100, description="Most headers of a request; more is a 431."
+    )
+    head_timeout_s: Annotated[float, Field(gt=0, le=600)] = Field(
+        default=10.0, description="Seconds in which the head of a request has to come before the connection is cut off."
+    )
+    send_timeout_s: Annotated[float, Field(gt=0, le=600)] = Field(
+        default=10.0, description="Seconds after which a client that takes nothing of its answer is cut off."
     )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         default="info", description="Least severe level of the messages that are logged."

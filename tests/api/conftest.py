@@ -17,11 +17,13 @@ import httpx
 import numpy as np
 import pytest
 import requests
+import uvicorn
 import torch
 
 from model_store import WEIGHTS, Lineage, ManifestDraft, ModelStore
 from service.api.services import Lifecycle
-from service.app import Server, create_app, server_config
+from service.api.http.instruments import Instruments
+from service.app import create_app, make_server
 from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
 from service.learning.network.inputs import InputSignature
@@ -90,6 +92,7 @@ class Running:
     folder: Path
     client: httpx.Client
     lifecycle: Lifecycle
+    server: uvicorn.Server
 
     def get(self, path: str, **query: object) -> httpx.Response:
         return self.client.get(path, params=query)
@@ -112,7 +115,8 @@ def serving(folder: Path, **settings: object) -> Iterator[Running]:
     # a small limit of bodies, which tests can exceed quickly
     chosen = Settings(store_url=str(folder), port=0, drain_s=0, **({"max_body_bytes": 64 * 1024} | settings))
     lifecycle = Lifecycle()
-    server = Server(server_config(create_app(chosen, lifecycle), chosen), lifecycle, 0.0)
+    counting = Instruments()
+    server = make_server(create_app(chosen, lifecycle, counting), chosen, lifecycle, counting)
     with socket.create_server(("127.0.0.1", 0)) as listener:
         url = f"http://127.0.0.1:{listener.getsockname()[1]}"
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, name="uvicorn")
@@ -123,7 +127,7 @@ def serving(folder: Path, **settings: object) -> Iterator[Running]:
                 time.sleep(0.01)
             assert server.started
             with httpx.Client(base_url=url, timeout=30, **PLAIN) as client:
-                yield Running(url, store, folder, client, lifecycle)
+                yield Running(url, store, folder, client, lifecycle, server)
         finally:
             server.should_exit = True
             thread.join(timeout=40)

@@ -20,7 +20,8 @@ SERVE_AND_TELL = """
 import json, socket, sys, threading, time
 import httpx
 from service.api.services import Lifecycle
-from service.app import Server, create_app, server_config
+from service.api.http.instruments import Instruments
+from service.app import create_app, make_server
 from service.settings import Settings
 
 MAP = {"mass_kg": 430, "torque_min_nm": 30, "torque_max_nm": 120, "torque_steps": 2, "slope_min_deg": 10,
@@ -28,7 +29,8 @@ MAP = {"mass_kg": 430, "torque_min_nm": 30, "torque_max_nm": 120, "torque_steps"
 BATCH = {"scenarios": [{"slope_deg": 20, "mass_kg": 430, "torque_nm": 60}]}
 settings = Settings(port=0, drain_s=0, threads=1, log_level="error")
 lifecycle = Lifecycle()
-server = Server(server_config(create_app(settings, lifecycle), settings), lifecycle, 0.0)
+counting = Instruments()
+server = make_server(create_app(settings, lifecycle, counting), settings, lifecycle, counting)
 listener = socket.create_server(("127.0.0.1", 0))
 thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
 thread.start()

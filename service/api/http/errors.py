@@ -30,6 +30,9 @@ from model_store import (
 )
 from service.api.http.exceptions import (
     AdminOffError,
+    HeadTooLargeError,
+    HeadTooSlowError,
+    MalformedHeadError,
     MalformedUploadError,
     NotReadyError,
     PreconditionFailedError,
@@ -80,6 +83,9 @@ _SLUGS: tuple[tuple[type[Exception], Slug], ...] = (
     (MalformedBodyError, Slug.MALFORMED_BODY),
     (MalformedUploadError, Slug.MALFORMED_BODY),
     (UploadStalledError, Slug.UPLOAD_STALLED),
+    (HeadTooLargeError, Slug.HEAD_TOO_LARGE),
+    (HeadTooSlowError, Slug.HEAD_TOO_SLOW),
+    (MalformedHeadError, Slug.MALFORMED_HEAD),
     (DatasetInUseError, Slug.DATASET_IN_USE),
     (PreconditionFailedError, Slug.PRECONDITION_FAILED),
     (PreconditionRequiredError, Slug.PRECONDITION_REQUIRED),

@@ -38,6 +38,24 @@ class UploadStalledError(RoverTwinError):
     """An upload stopped coming in."""
 
 
+class HeadTooLargeError(RoverTwinError):
+    """The head of a request (address and headers) is over the limit."""
+
+    def __init__(self, limit_bytes: int, limit_fields: int) -> None:
+        super().__init__(f"the head of the request has more than {limit_bytes} bytes or {limit_fields} headers")
+
+
+class HeadTooSlowError(RoverTwinError):
+    """The head of a request did not come in time."""
+
+    def __init__(self, limit_s: float) -> None:
+        super().__init__(f"the head of the request did not come within {limit_s:g} s")
+
+
+class MalformedHeadError(RoverTwinError):
+    """What came is no HTTP request."""
+
+
 class PreconditionFailedError(RoverTwinError):
     """What `If-Match` or `If-None-Match` demands does not hold (any more)."""
 

@@ -86,6 +86,12 @@ class Instruments:
             registry=own,
         )
         self._loads = Counter(f"{PREFIX}model_loads", "Versions brought into memory.", _VERSION, registry=own)
+        self._refused = Counter(
+            f"{PREFIX}connections_refused",
+            "Connections that were cut off, or refused before there was a request.",
+            ("reason",),
+            registry=own,
+        )
         self._processes.set(1)
         self._running.set(0)
 
@@ -116,6 +122,10 @@ class Instruments:
             series = self._answered[place] = requests, durations
         series[0].inc()
         series[1].observe(seconds)
+
+    def refused(self, reason: str) -> None:
+        """A connection was cut off or refused; `reason` is one of few words."""
+        self._refused.labels(reason).inc()
 
     def loaded(self, twin: Twin) -> None:
         """A version was brought into memory."""

@@ -24,6 +24,9 @@ class Slug(StrEnum):
     MALFORMED_BODY = "malformed-body"
     UNSUPPORTED_MEDIA_TYPE = "unsupported-media-type"
     BODY_TOO_LARGE = "body-too-large"
+    HEAD_TOO_LARGE = "head-too-large"
+    HEAD_TOO_SLOW = "head-too-slow"
+    MALFORMED_HEAD = "malformed-head"
     NOT_ACCEPTABLE = "not-acceptable"
     NOT_FOUND = "not-found"
     MODEL_NOT_FOUND = "model-not-found"
@@ -88,6 +91,16 @@ _ROWS = (
         "The request body is of another kind; send `Content-Type: application/json`.",
     ),
     ProblemKind(Slug.BODY_TOO_LARGE, 413, "Body too large", "The request body is over the limit; send a smaller one."),
+    ProblemKind(
+        Slug.HEAD_TOO_LARGE,
+        431,
+        "Request header fields too large",
+        "The address and the headers are over the limit; send fewer or shorter ones.",
+    ),
+    ProblemKind(
+        Slug.HEAD_TOO_SLOW, 408, "Request timeout", "The head of the request did not come in time; send it at once."
+    ),
+    ProblemKind(Slug.MALFORMED_HEAD, 400, "Malformed request", "What came is no HTTP request."),
     ProblemKind(
         Slug.NOT_ACCEPTABLE,
         406,

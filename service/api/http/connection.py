@@ -1,0 +1,260 @@
+"""Connections that cannot silence the service: heads that are too large or too slow, clients that do not read.
+
+Uvicorn has no setting for these. `GuardedProtocol` is its HTTP protocol with bounds; `Connections` are those of one
+process, looked through once a second (`sweep`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import resource
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from starlette.responses import Response
+from uvicorn.config import Config
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.server import ServerState
+
+from service.api.http.exceptions import HeadTooLargeError, HeadTooSlowError, MalformedHeadError
+from service.api.http.worker_threads import OverloadedError
+
+# These are answered on whatever connection is left: an orchestrator must never take a busy service for a dead one.
+HEALTH_PATHS = frozenset({b"/health/live", b"/health/ready", b"/v2/health/live", b"/v2/health/ready"})
+_SPARE = 64  # connections beyond the limit, for health
+_SPARE_FILES = 256  # what is open besides connections
+_LINGER_BYTES = 1 << 20
+_LINGER_S = 1.0  # after a refusal: closing at once, with bytes unread, would destroy the answer on its way
+_DRAINED_BYTES = 16 << 10  # less than this within `send_s` is no reading
+
+_REASONS: dict[type[Exception], str] = {
+    HeadTooLargeError: "head-too-large",
+    HeadTooSlowError: "head-too-slow",
+    OverloadedError: "too-many-connections",
+}
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionLimits:
+    """`connections` at once; a head has at most `head_bytes` and `head_fields` and comes within `head_s`; a body may
+    pause `body_s`; a client that takes nothing of an answer for `send_s` is cut off. Idle connections stay open for
+    `linger_s` when the server ends, so that a request on its way is answered.
+    """
+
+    connections: int = 2048
+    head_bytes: int = 32 << 10
+    head_fields: int = 100
+    head_s: float = 10.0
+    body_s: float = 30.0
+    send_s: float = 10.0
+    linger_s: float = 1.0
+
+
+class Connections:
+    """All connections of one process. `answer` makes the answer to an error, `refused` counts it by its reason."""
+
+    def __init__(
+        self,
+        limits: ConnectionLimits,
+        answer: Callable[[Exception, str], Response],
+        refused: Callable[[str], None] = lambda _reason: None,
+    ) -> None:
+        self.limits = limits
+        self.answer = answer
+        self.refused = refused
+        self.ending = False
+        self.open: set[GuardedProtocol] = set()
+
+    def protocol(
+        self,
+        config: Config,
+        server_state: ServerState,
+        app_state: dict[str, Any],
+        _loop: asyncio.AbstractEventLoop | None = None,
+    ) -> GuardedProtocol:
+        """What uvicorn calls for each connection."""
+        return GuardedProtocol(self, config, server_state, app_state, _loop)
+
+    def admit(self, newcomer: GuardedProtocol) -> bool:
+        """Takes a connection in, in place of the one that has been idle for longest if there are too many.
+
+        False where all are busy: then only health is answered on it.
+        """
+        self.open.add(newcomer)
+        if len(self.open) <= self.limits.connections:
+            return True
+        idle = [each for each in self.open if each.is_idle and each is not newcomer]
+        if idle:
+            min(idle, key=lambda each: each.waiting_since).cut("too-many-connections")
+            return True
+        if len(self.open) > self.limits.connections + _SPARE:
+            newcomer.cut("too-many-connections")
+        return False
+
+    def sweep(self) -> None:
+        """Cuts off who is too slow. To be called about once a second."""
+        now = time.monotonic()
+        for each in list(self.open):
+            each.look(now)
+
+
+class GuardedProtocol(HttpToolsProtocol):
+    """One connection."""
+
+    def __init__(self, connections: Connections, *arguments: Any) -> None:  # noqa: ANN401 - uvicorn's own
+        super().__init__(*arguments)
+        self._all = connections
+        self._limits = connections.limits
+        self._in_head = True
+        self._head_bytes = self._head_fields = 0
+        self._refused: Exception | None = None
+        self._lingering = False
+        self._admitted = True
+        self.waiting_since = self._fed_at = self._read_at = time.monotonic()
+        self._unread_bytes = 0
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether no request is being answered."""
+        return self.cycle is None or self.cycle.response_complete
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """The client is there."""
+        super().connection_made(transport)
+        self._admitted = self._all.admit(self)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The client is gone, or was cut off."""
+        self._all.open.discard(self)
+        super().connection_lost(exc)
+
+    def handle_websocket_upgrade(self) -> None:
+        """From here on another protocol has the connection, with bounds of its own."""
+        self._all.open.discard(self)
+        super().handle_websocket_upgrade()
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes of requests."""
+        if self._lingering:
+            self._head_bytes += len(data)
+            if self._head_bytes > _LINGER_BYTES:
+                self.transport.abort()
+            return
+        self._fed_at = time.monotonic()
+        if self._in_head:
+            if not self._head_bytes:
+                self.waiting_since = self._fed_at
+            self._head_bytes += len(data)
+        super().data_received(data)
+        if self._in_head and self._head_bytes > self._limits.head_bytes and not self._lingering:
+            self._refuse(HeadTooLargeError(self._limits.head_bytes, self._limits.head_fields))
+
+    def on_message_begin(self) -> None:
+        """Of a request."""
+        super().on_message_begin()
+        self._in_head, self._head_fields = True, 0
+
+    def on_header(self, name: bytes, value: bytes) -> None:
+        """Raises HeadTooLargeError, upon which the parser gives up."""
+        self._head_fields += 1
+        if self._head_fields > self._limits.head_fields:
+            self._refused = HeadTooLargeError(self._limits.head_bytes, self._limits.head_fields)
+            raise self._refused
+        super().on_header(name, value)
+
+    def on_headers_complete(self) -> None:
+        """Raises HeadTooLargeError, upon which the parser gives up."""
+        size = len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers)
+        if size > self._limits.head_bytes:
+            self._refused = HeadTooLargeError(self._limits.head_bytes, self._limits.head_fields)
+            raise self._refused
+        self._in_head, self._head_bytes = False, 0
+        if not self._admitted and self.url.partition(b"?")[0] not in HEALTH_PATHS:
+            self._refused = OverloadedError(f"{self._limits.connections} connections are open and busy")
+            raise self._refused
+        super().on_headers_complete()
+        if self._all.ending and self.cycle is not None:
+            self.cycle.keep_alive = False
+
+    def on_message_complete(self) -> None:
+        """Of a request."""
+        super().on_message_complete()
+        self._in_head, self._head_bytes = True, 0
+
+    def on_response_complete(self) -> None:
+        """The next request may come."""
+        self.waiting_since = time.monotonic()
+        super().on_response_complete()
+
+    def send_400_response(self, msg: str) -> None:
+        """What uvicorn calls when the parser gave up."""
+        self._refuse(self._refused or MalformedHeadError(msg))
+
+    def resume_writing(self) -> None:
+        """The client has read."""
+        self._read_at = time.monotonic()
+        super().resume_writing()
+
+    def look(self, now: float) -> None:
+        """Cuts the client off if it is too slow."""
+        if self.transport is None or self.transport.is_closing():
+            return
+        unread = self.transport.get_write_buffer_size()
+        if not unread or unread < self._unread_bytes - _DRAINED_BYTES or unread > self._unread_bytes:
+            self._unread_bytes, self._read_at = unread, now
+        elif now - self._read_at > self._limits.send_s:
+            self.cut("slow-reader")
+            return
+        if self._lingering:
+            return
+        if self.is_idle:
+            # between requests uvicorn's own time-out of kept connections ends the wait
+            new = self.cycle is None or self._head_bytes > 0
+            if new and now - self.waiting_since > self._limits.head_s:
+                self._refuse(HeadTooSlowError(self._limits.head_s)) if self._head_bytes else self.cut("silent")
+        elif self.cycle.more_body and not self.flow.read_paused and now - self._fed_at > self._limits.body_s:
+            self.cut("slow-body")
+
+    def shutdown(self) -> None:
+        """The server ends: what is being answered is finished, what comes within a moment is answered too."""
+        self._all.ending = True
+        if not self.is_idle:
+            self.cycle.keep_alive = False
+            return
+        self.loop.call_later(self._limits.linger_s, self._close_if_idle)
+
+    def cut(self, reason: str) -> None:
+        """Ends the connection at once."""
+        self._all.refused(reason)
+        _log.info("a connection was cut off: %s", reason)
+        self.transport.abort()
+
+    def _close_if_idle(self) -> None:
+        if self.transport is not None and not self.transport.is_closing() and self.is_idle:
+            self.transport.close()
+
+    def _refuse(self, error: Exception) -> None:
+        """Answers a request of which no head could be made, and hangs up."""
+        self._all.refused(_REASONS.get(type(error), "malformed-head"))
+        response = self._all.answer(error, "/")
+        lines = [b"HTTP/1.1 %d \r\n" % response.status_code, b"connection: close\r\n"]
+        lines += [name + b": " + value + b"\r\n" for name, value in response.raw_headers if name != b"connection"]
+        self.transport.write(b"".join([*lines, b"\r\n", bytes(response.body)]))
+        self._lingering = True
+        self._unset_keepalive_if_required()
+        self.loop.call_later(_LINGER_S, self.transport.close)
+
+
+def allow_files(connections: int) -> None:
+    """Lets the process open as many files as its connections need, as far as the system allows it."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = connections + _SPARE + _SPARE_FILES
+    if soft < wanted:
+        resource.setrlimit(
+            resource.RLIMIT_NOFILE, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard)
+        )

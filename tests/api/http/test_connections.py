@@ -1,0 +1,182 @@
+"""Clients that send nothing, too much, or do not read: each is cut off, and others are served all the while."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any
+from urllib.parse import urlsplit
+
+import httpx
+import psutil
+import pytest
+
+QUICK = {"head_timeout_s": 1.0, "send_timeout_s": 1.0}
+
+
+def connect(url: str) -> socket.socket:
+    parts = urlsplit(url)
+    return socket.create_connection((parts.hostname, parts.port), timeout=10)
+
+
+@contextmanager
+def silent(url: str, count: int) -> Iterator[list[socket.socket]]:
+    with ExitStack() as stack:
+        yield [stack.enter_context(connect(url)) for _ in range(count)]
+
+
+def answer_of(connection: socket.socket) -> bytes:
+    received = b""
+    try:
+        while piece := connection.recv(65536):
+            received += piece
+    except ConnectionResetError:
+        pass
+    return received
+
+
+def ask(url: str, path: str = "/health/live") -> int:
+    with httpx.Client(base_url=url, timeout=5, trust_env=False) as client:
+        return client.get(path).status_code
+
+
+def test_silent_connections_keep_nobody_out(serve: Any) -> None:
+    running = serve(max_connections=32)
+    with silent(running.url, 200):
+        began = time.monotonic()
+        assert ask(running.url) == 200
+        assert ask(running.url, "/v1/models") == 200
+        assert time.monotonic() - began < 5
+
+
+def test_health_is_answered_when_all_connections_are_busy(serve: Any) -> None:
+    running = serve(max_connections=16)
+    # a head that is done, and a body that is still to come: a request is being answered
+    head = b"POST /v1/predictions HTTP/1.1\r\nHost: a\r\nContent-Type: application/json\r\nContent-Length: 100\r\n\r\n"
+    with silent(running.url, 16) as busy:
+        for each in busy:
+            each.sendall(head)
+        time.sleep(0.5)
+        assert ask(running.url) == 200
+        assert ask(running.url, "/v1/models") == 503
+
+
+def test_who_sends_nothing_is_cut_off(serve: Any) -> None:
+    running = serve(**QUICK)
+    with connect(running.url) as connection:
+        connection.settimeout(10)
+        assert answer_of(connection) == b""
+
+
+def test_who_sends_a_head_slowly_is_told_so(serve: Any) -> None:
+    running = serve(**QUICK)
+    with connect(running.url) as connection:
+        connection.sendall(b"GET /health/live HTTP/1.1\r\nHost: a\r\nX-Slow: ")
+        answer = answer_of(connection)
+    assert answer.startswith(b"HTTP/1.1 408 ")
+    assert b"head-too-slow" in answer
+
+
+def test_a_slow_start_is_no_offence(serve: Any) -> None:
+    running = serve(head_timeout_s=5.0)
+    with connect(running.url) as connection:
+        for piece in (b"GET /health/live HTTP/1.1\r\n", b"Host: a\r\n", b"Connection: close\r\n", b"\r\n"):
+            connection.sendall(piece)
+            time.sleep(0.3)
+        assert answer_of(connection).startswith(b"HTTP/1.1 200 ")
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        b"X-Large: " + b"a" * 33_000 + b"\r\n",
+        b"".join(b"X-Many-%d: a\r\n" % number for number in range(101)),
+        b"".join(b"X-Several-%d: " % number + b"a" * 4000 + b"\r\n" for number in range(9)),
+    ],
+    ids=["one large header", "many headers", "several large headers"],
+)
+def test_a_head_that_is_too_large_is_a_problem(service: Any, head: bytes) -> None:
+    with connect(service.url) as connection:
+        connection.sendall(b"GET /health/live HTTP/1.1\r\nHost: a\r\n" + head + b"\r\n")
+        answer = answer_of(connection)
+    assert answer.startswith(b"HTTP/1.1 431 "), answer[:200]
+    assert b"application/problem+json" in answer
+    assert b"head-too-large" in answer
+
+
+def test_a_head_within_the_limit_passes(service: Any) -> None:
+    head = b"".join(b"X-%d: " % number + b"a" * 300 + b"\r\n" for number in range(95))
+    with connect(service.url) as connection:
+        connection.sendall(b"GET /health/live HTTP/1.1\r\nHost: a\r\nConnection: close\r\n" + head + b"\r\n")
+        assert answer_of(connection).startswith(b"HTTP/1.1 200 ")
+
+
+def test_endless_headers_fill_no_memory(own_process: Any, store: Any, publish: Any, move: Any) -> None:
+    move(store, publish(store))
+    client, process = own_process()
+    before = psutil.Process(process.pid).memory_info().rss
+    with connect(str(client.base_url)) as connection:
+        connection.sendall(b"GET /health/live HTTP/1.1\r\nHost: a\r\n")
+        sent = 0
+        try:
+            while sent < 60 << 20:
+                connection.sendall(b"X-More: " + b"a" * 8000 + b"\r\n")
+                sent += 8010
+        except OSError:
+            pass
+    assert sent < 60 << 20
+    assert psutil.Process(process.pid).memory_info().rss - before < 16 << 20
+    assert client.get("/health/live").status_code == 200
+
+
+def test_what_is_no_request_is_a_problem(service: Any) -> None:
+    with connect(service.url) as connection:
+        connection.sendall(b"\x16\x03\x01 hello\r\n\r\n")
+        answer = answer_of(connection)
+    assert answer.startswith(b"HTTP/1.1 400 ")
+    assert b"malformed-head" in answer
+
+
+def test_who_does_not_read_is_cut_off(serve: Any, store: Any, publish: Any, move: Any) -> None:
+    move(store, publish(store))
+    running = serve(**QUICK)
+    running.wait_ready()
+    query = "slope_deg=20&mass_kg=430&torque_nm=60&horizon_s=600&dt_s=0.00601"
+    with socket.socket() as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        parts = urlsplit(running.url)
+        connection.connect((parts.hostname, parts.port))
+        connection.sendall(f"GET /v1/predictions?{query} HTTP/1.1\r\nHost: a\r\n\r\n".encode())
+        deadline = time.monotonic() + 20
+        cut = 'rover_twin_connections_refused_total{reason="slow-reader"} 1.0'
+        while cut not in running.get("/metrics").text and time.monotonic() < deadline:
+            time.sleep(0.2)
+        assert cut in running.get("/metrics").text
+
+
+def test_who_reads_slowly_gets_everything(serve: Any, store: Any, publish: Any, move: Any) -> None:
+    move(store, publish(store))
+    running = serve(**QUICK)
+    running.wait_ready()
+    query = {"slope_deg": 20, "mass_kg": 430, "torque_nm": 60, "horizon_s": 600, "dt_s": 0.02}
+    with running.client.stream("GET", "/v1/predictions", params=query) as answer:
+        received = 0
+        for piece in answer.iter_raw(64 << 10):
+            received += len(piece)
+            time.sleep(0.1)
+    assert received == int(answer.headers["content-length"])
+
+
+def test_a_request_on_its_way_when_the_server_ends_is_answered(serve: Any) -> None:
+    running = serve()
+    with connect(running.url) as connection:
+        connection.sendall(b"GET /health/live HTTP/1.1\r\nHost: a\r\n\r\n")
+        assert connection.recv(65536).startswith(b"HTTP/1.1 200 ")
+        running.server.should_exit = True
+        time.sleep(0.4)
+        connection.sendall(b"GET /health/live HTTP/1.1\r\nHost: a\r\n\r\n")
+        answer = answer_of(connection)
+    assert answer.startswith(b"HTTP/1.1 200 ")
+    assert b"connection: close" in answer.lower()
