@@ -120,8 +120,8 @@ class Settings(BaseSettings):
     )
     max_connections: Annotated[int, Field(ge=16, le=1_000_000)] = Field(
         default=2048,
-        description="Connections of a server process. One more takes the place of the one that has been idle for longest; "
-        "if none is idle it is refused with a 503, but for health.",
+        description="Connections of a server process. One more takes the place of the one that was idle for longest; if "
+        "none is idle it is refused with a 503, but for health.",
     )
     max_head_bytes: Annotated[int, Field(ge=4096, le=1 << 20)] = Field(
         default=32 << 10, description="Largest head of a request (address and headers) in bytes; more is a 431."

@@ -17,12 +17,12 @@ import httpx
 import numpy as np
 import pytest
 import requests
-import uvicorn
 import torch
+import uvicorn
 
 from model_store import WEIGHTS, Lineage, ManifestDraft, ModelStore
-from service.api.services import Lifecycle
 from service.api.http.instruments import Instruments
+from service.api.services import Lifecycle
 from service.app import create_app, make_server
 from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
