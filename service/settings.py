@@ -120,7 +120,7 @@ class Settings(BaseSettings):
     )
     max_connections: Annotated[int, Field(ge=16, le=1_000_000)] = Field(
         default=2048,
-        description="Connections of a server process. One more takes the place of the one that was idle for longest; if "
+        description="Connections of a server process. One more takes the place of the one that idled longest; if "
         "none is idle it is refused with a 503, but for health.",
     )
     max_head_bytes: Annotated[int, Field(ge=4096, le=1 << 20)] = Field(

@@ -62,13 +62,13 @@ async def live() -> LiveAnswer:
 
 @router.get("/ready", summary="Can it predict?", responses=problem_responses(Slug.NOT_READY))
 async def ready(services: TheServices) -> ReadyAnswer:
-    """Makes a small prediction with the default model, on the path that requests take."""
+    """Makes a small prediction with the default model, on a thread of its own: busy is not unready."""
     if services.lifecycle.draining:
         raise NotReadyError("the service is shutting down")
     default = services.settings.default_model
     try:
         loaded = await services.twin(give_up_s=PROBE_TIMEOUT_S)
-        probe = await services.predictions.run(lambda: _probe(loaded), give_up_s=PROBE_TIMEOUT_S)
+        probe = await services.probes.run(lambda: _probe(loaded), give_up_s=PROBE_TIMEOUT_S)
     except (RoverTwinError, StoreError) as error:
         if isinstance(error, OverloadedError):
             raise NotReadyError(str(error)) from error

@@ -11,14 +11,19 @@ from fastapi import Depends, Request
 from model_store import Manifest, ModelStore
 from service.api.http.event_stream import MOST_LISTENERS
 from service.api.http.instruments import Instruments
+from service.api.http.kept import Kept
 from service.api.http.statistics import Statistics
 from service.api.http.worker_threads import WorkerThreads
 from service.jobs.queue import JobQueue
+from service.learning.suggest import SuggestedRun
 from service.settings import Settings
 from service.twin import Loaded, TwinRegistry
 
 UPLOADS_AT_ONCE = 2
 _JOB_THREADS = 4
+_HEAVY_THREADS, _HEAVY_WAITING = 1, 16
+_PROBES_WAITING = 16
+_SUGGESTIONS_KEPT = 16
 _JOB_CALLS_WAITING = 64
 
 
@@ -50,6 +55,10 @@ class Services:
         default_factory=lambda: WorkerThreads("training job calls", _JOB_THREADS, _JOB_CALLS_WAITING)
     )
     listeners: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(MOST_LISTENERS))
+    # maps and suggestions take seconds: those who ask for a prediction do not wait behind them, nor do probes
+    heavy: WorkerThreads = field(default_factory=lambda: WorkerThreads("maps", _HEAVY_THREADS, _HEAVY_WAITING))
+    probes: WorkerThreads = field(default_factory=lambda: WorkerThreads("readiness probes", 1, _PROBES_WAITING))
+    suggestions: Kept[tuple[SuggestedRun, ...]] = field(default_factory=lambda: Kept(_SUGGESTIONS_KEPT))
     statistics: Statistics = field(default_factory=Statistics)
     figures: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(1))
     uploads: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(UPLOADS_AT_ONCE))

@@ -44,7 +44,7 @@ from service.api.http.exceptions import (
 from service.api.http.negotiation import NotAcceptableError
 from service.api.http.openapi import openapi_of
 from service.api.http.problems import PROBLEM_MEDIA_TYPE, PROBLEMS, Slug
-from service.api.http.worker_threads import OverloadedError
+from service.api.http.worker_threads import ClientGoneError, OverloadedError
 from service.datasets.file_names import printable
 from service.datasets.findings import Finding
 from service.datasets.report import RejectedDatasetError
@@ -78,6 +78,7 @@ _SLUGS: tuple[tuple[type[Exception], Slug], ...] = (
     (UnsupportedMediaTypeError, Slug.UNSUPPORTED_MEDIA_TYPE),
     (NotAcceptableError, Slug.NOT_ACCEPTABLE),
     (OverloadedError, Slug.OVERLOADED),
+    (ClientGoneError, Slug.OVERLOADED),
     (AdminOffError, Slug.ADMIN_OFF),
     (UnauthorizedError, Slug.UNAUTHORIZED),
     (MalformedBodyError, Slug.MALFORMED_BODY),

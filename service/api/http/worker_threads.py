@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import anyio
 import anyio.to_thread
+from starlette.requests import Request
 
 from service.errors import RoverTwinError
 
@@ -24,6 +25,13 @@ class OverloadedError(RoverTwinError):
     retry_after_s = RETRY_AFTER_S
 
 
+class ClientGoneError(RoverTwinError):
+    """The client hung up while its request waited: there is nobody to answer."""
+
+    def __init__(self) -> None:
+        super().__init__("the client hung up")
+
+
 class WorkerThreads:
     """At most `threads` calls run at once, at most `max_waiting` wait. Make it inside a running event loop."""
 
@@ -32,15 +40,24 @@ class WorkerThreads:
         self._limiter = anyio.CapacityLimiter(threads)
         self._max_waiting = max_waiting
 
-    async def run(self, call: Callable[[], Result], *, give_up_s: float | None = None) -> Result:
+    async def run(
+        self, call: Callable[[], Result], *, give_up_s: float | None = None, asker: Request | None = None
+    ) -> Result:
         """The call's result, computed on a worker thread; what it raises is raised here.
 
-        Raises OverloadedError when too many wait, and TimeoutError after `give_up_s` (the call then runs on, unseen).
+        With the request of the `asker`, nothing is computed for one that went away while it waited. Raises
+        OverloadedError when too many wait, TimeoutError after `give_up_s` (the call then runs on, unseen), and
+        ClientGoneError.
         """
         if self._limiter.available_tokens < 1:
             waiting = self._limiter.statistics().tasks_waiting
             if waiting >= self._max_waiting:
                 raise OverloadedError(f"{waiting} {self._what} are waiting already; try again in {RETRY_AFTER_S} s")
+        if asker is not None:
+            async with self._limiter:
+                if await asker.is_disconnected():
+                    raise ClientGoneError
+                return await anyio.to_thread.run_sync(call, limiter=anyio.CapacityLimiter(1))
         if give_up_s is None:
             return await anyio.to_thread.run_sync(call, limiter=self._limiter)
         with anyio.fail_after(give_up_s):

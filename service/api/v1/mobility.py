@@ -79,8 +79,8 @@ async def get_mobility(asked: Annotated[MobilityQuery, Query()], request: Reques
     )
     if nothing_new := delivery.not_modified():
         return nothing_new
-    return await services.predictions.run(
-        lambda: _computed(asked, torques, slopes, form, loaded, delivery, services.instruments.predicted)
+    return await services.heavy.run(
+        lambda: _computed(asked, torques, slopes, form, loaded, delivery, services.instruments.predicted), asker=request
     )
 
 

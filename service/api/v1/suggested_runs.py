@@ -13,6 +13,8 @@ from service.api.http.problems import Slug
 from service.api.http.reading import Route
 from service.api.services import TheServices
 from service.api.v1.models import Name, Version, require_name
+from service.errors import InvalidValueError
+from service.learning.suggest import MOST_SUGGESTIONS, SuggestedRun
 from service.twin.suggestions import suggestions
 from service.wire.forms import TABLE_MEDIA_TYPES, TableFormat
 from service.wire.forms.numbers import dump
@@ -66,11 +68,26 @@ async def get_suggested_runs(
     require_name(name)
     form = choose(TABLE_MEDIA_TYPES, asked.format, request.headers.get("accept"))
     manifest = await services.manifest(name, version)
-    return await services.predictions.run(lambda: _computed(services.store, manifest, asked.n, form))
+    key = f"{name}@{version} {manifest.created_at.isoformat()}"
+    most = await services.suggestions.get(key, lambda: services.heavy.run(lambda: _most(services.store, manifest)))
+    if asked.n > len(most):
+        raise InvalidValueError("n", asked.n, f"at most {len(most)}: other runs would teach too little")
+    return _written(manifest, most[: asked.n], form)
 
 
-def _computed(store: ModelStore, manifest: Manifest, count: int, form: TableFormat) -> Response:
-    runs = suggestions(store, manifest, count)
+def _most(store: ModelStore, manifest: Manifest) -> tuple[SuggestedRun, ...]:
+    """As many as there are: the first ones do not depend on how many are asked for."""
+    count = MOST_SUGGESTIONS
+    while True:
+        try:
+            return suggestions(store, manifest, count)
+        except InvalidValueError as error:
+            if error.field != "n" or count == 1:
+                raise
+            count //= 2
+
+
+def _written(manifest: Manifest, runs: tuple[SuggestedRun, ...], form: TableFormat) -> Response:
     body = dump(runs_as_json(manifest, runs)) if form is TableFormat.JSON else runs_as_csv(runs).encode()
     headers = {"Vary": "Accept", "Rover-Twin-Model": f"{manifest.name}@{manifest.version}"}
     return Response(body, headers=headers, media_type=TABLE_MEDIA_TYPES[form])
