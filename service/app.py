@@ -11,7 +11,7 @@ import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 import anyio
 import anyio.to_thread
@@ -25,8 +25,9 @@ from service import child
 from service.api import health, metrics
 from service.api.admin import AdminGate
 from service.api.http import docs
+from service.api.http.answer_bytes import AnswerBytes
 from service.api.http.body_limit import BodyLimit
-from service.api.http.connection import ConnectionLimits, Connections, allow_files
+from service.api.http.connection import HEALTH_PATHS, ConnectionLimits, Connections, allow_files
 from service.api.http.errors import ErrorAnswers
 from service.api.http.instruments import Instruments
 from service.api.http.lanes import Lanes, lanes_of
@@ -123,21 +124,30 @@ def create_app(
         if jobs:
             await anyio.to_thread.run_sync(jobs.close)
 
-    app = _assemble(lifespan, counting, settings.max_body_bytes, settings.max_upload_bytes)
+    app = _assemble(lifespan, counting, _Sizes.of(settings))
     _prepare_routes(app)
     return app
 
 
 def openapi_document() -> dict[str, Any]:
     """The OpenAPI document, without a store or a server. The same for all settings."""
-    fields = Settings.model_fields
-    limits = (fields[name].default for name in ("max_body_bytes", "max_upload_bytes"))
-    return openapi_of(_assemble(None, Instruments(), *limits))
+    usual = {name: Settings.model_fields[name].default for name in _Sizes._fields}
+    return openapi_of(_assemble(None, Instruments(), _Sizes(**usual)))
 
 
-def _assemble(
-    lifespan: _Lifespan | None, instruments: Instruments, max_body_bytes: int, max_upload_bytes: int
-) -> FastAPI:
+class _Sizes(NamedTuple):
+    """The settings of these names."""
+
+    max_body_bytes: int
+    max_upload_bytes: int
+    max_answer_bytes: int
+
+    @classmethod
+    def of(cls, settings: Settings) -> _Sizes:
+        return cls(*(getattr(settings, name) for name in cls._fields))
+
+
+def _assemble(lifespan: _Lifespan | None, instruments: Instruments, sizes: _Sizes) -> FastAPI:
     app = FastAPI(
         title="Rover Twin",
         version=service.__version__,
@@ -150,14 +160,17 @@ def _assemble(
         separate_input_output_schemas=False,
     )
     larger = {
-        ("POST", datasets.router.prefix): max_upload_bytes,
-        ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, max_body_bytes),
+        ("POST", datasets.router.prefix): sizes.max_upload_bytes,
+        ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, sizes.max_body_bytes),
     }
     answer_to = ErrorAnswers(_FOR_FORMS)
     # the last one added is the outermost
     app.add_middleware(Lanes, lanes=[*lanes_of(predictions.router), *lanes_of(inference.router)], answer_to=answer_to)
-    app.add_middleware(BodyLimit, limit_bytes=max_body_bytes, answer_to=answer_to, larger=larger)
+    app.add_middleware(BodyLimit, limit_bytes=sizes.max_body_bytes, answer_to=answer_to, larger=larger)
     app.add_middleware(AdminGate, answer_to=answer_to)
+    app.add_middleware(
+        AnswerBytes, limit_bytes=sizes.max_answer_bytes, answer_to=answer_to, always=(*HEALTH_PATHS, "/metrics")
+    )
     app.add_middleware(RequestLog, instruments=instruments, answer_to=answer_to)
     answer_to.install(app)
     app.include_router(predictions.router)  # first, for a request is compared with one address after the other

@@ -135,6 +135,10 @@ class Settings(BaseSettings):
     send_timeout_s: Annotated[float, Field(gt=0, le=600)] = Field(
         default=10.0, description="Seconds after which a client that takes nothing of its answer is cut off."
     )
+    max_answer_bytes: Annotated[int, Field(ge=1 << 20, le=1 << 40)] = Field(
+        default=256 << 20,
+        description="Bytes of answers that may wait for slow clients; beyond that new requests are refused with a 503.",
+    )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         default="info", description="Least severe level of the messages that are logged."
     )

@@ -23,7 +23,7 @@ from service.api.http.exceptions import HeadTooLargeError, HeadTooSlowError, Mal
 from service.api.http.worker_threads import OverloadedError
 
 # These are answered on whatever connection is left: an orchestrator must never take a busy service for a dead one.
-HEALTH_PATHS = frozenset({b"/health/live", b"/health/ready", b"/v2/health/live", b"/v2/health/ready"})
+HEALTH_PATHS = frozenset({"/health/live", "/health/ready", "/v2/health/live", "/v2/health/ready"})
 _SPARE = 64  # connections beyond the limit, for health
 _SPARE_FILES = 256  # what is open besides connections
 _LINGER_BYTES = 1 << 20
@@ -174,7 +174,7 @@ class GuardedProtocol(HttpToolsProtocol):
             self._refused = HeadTooLargeError(self._limits.head_bytes, self._limits.head_fields)
             raise self._refused
         self._in_head, self._head_bytes = False, 0
-        if not self._admitted and self.url.partition(b"?")[0] not in HEALTH_PATHS:
+        if not self._admitted and self.url.partition(b"?")[0].decode("latin-1") not in HEALTH_PATHS:
             self._refused = OverloadedError(f"{self._limits.connections} connections are open and busy")
             raise self._refused
         super().on_headers_complete()

@@ -10,6 +10,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import httpx
+import orjson
 import psutil
 import pytest
 
@@ -180,3 +181,22 @@ def test_a_request_on_its_way_when_the_server_ends_is_answered(serve: Any) -> No
         answer = answer_of(connection)
     assert answer.startswith(b"HTTP/1.1 200 ")
     assert b"connection: close" in answer.lower()
+
+
+def test_slow_readers_fill_no_memory(own_process: Any, store: Any, publish: Any, move: Any) -> None:
+    """Forty clients ask for a batch of 150 MB each and read nothing of it."""
+    move(store, publish(store))
+    client, process = own_process(max_answer_bytes=64 << 20, send_timeout_s=30)
+    scenarios = [{"slope_deg": 20, "mass_kg": 430, "torque_nm": 60, "horizon_s": 600}] * 1000
+    body = orjson.dumps({"scenarios": scenarios, "dt_s": 0.61})
+    head = "POST /v1/predictions/batch HTTP/1.1\r\nHost: a\r\nContent-Type: application/json\r\n"
+    head += f"Content-Length: {len(body)}\r\n\r\n"
+    with silent(str(client.base_url), 40) as readers:
+        for each in readers:
+            each.sendall(head.encode() + body)
+        most, deadline = 0, time.monotonic() + 20
+        while time.monotonic() < deadline:
+            most = max(most, psutil.Process(process.pid).memory_info().rss)
+            assert client.get("/health/live").status_code == 200
+            time.sleep(0.2)
+    assert most < 1 << 30, most >> 20
