@@ -18,6 +18,7 @@ import anyio.to_thread
 import structlog
 import uvicorn
 from fastapi import FastAPI
+from fastapi.middleware.cors import CORSMiddleware
 
 import service
 from model_store import ModelStore
@@ -33,6 +34,7 @@ from service.api.http.instruments import Instruments
 from service.api.http.lanes import Lanes, lanes_of
 from service.api.http.openapi import openapi_of
 from service.api.http.request_log import RequestLog
+from service.api.http.semantics import Semantics
 from service.api.http.upload_body import remove_forgotten_uploads
 from service.api.http.worker_threads import WorkerThreads
 from service.api.services import Lifecycle, LifespanState, Services
@@ -124,30 +126,31 @@ def create_app(
         if jobs:
             await anyio.to_thread.run_sync(jobs.close)
 
-    app = _assemble(lifespan, counting, _Sizes.of(settings))
+    app = _assemble(lifespan, counting, _Chosen.of(settings))
     _prepare_routes(app)
     return app
 
 
 def openapi_document() -> dict[str, Any]:
     """The OpenAPI document, without a store or a server. The same for all settings."""
-    usual = {name: Settings.model_fields[name].default for name in _Sizes._fields}
-    return openapi_of(_assemble(None, Instruments(), _Sizes(**usual)))
+    usual = {name: Settings.model_fields[name].default for name in _Chosen._fields}
+    return openapi_of(_assemble(None, Instruments(), _Chosen(**usual)))
 
 
-class _Sizes(NamedTuple):
+class _Chosen(NamedTuple):
     """The settings of these names."""
 
     max_body_bytes: int
     max_upload_bytes: int
     max_answer_bytes: int
+    cors_origins: tuple[str, ...]
 
     @classmethod
-    def of(cls, settings: Settings) -> _Sizes:
+    def of(cls, settings: Settings) -> _Chosen:
         return cls(*(getattr(settings, name) for name in cls._fields))
 
 
-def _assemble(lifespan: _Lifespan | None, instruments: Instruments, sizes: _Sizes) -> FastAPI:
+def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Chosen) -> FastAPI:
     app = FastAPI(
         title="Rover Twin",
         version=service.__version__,
@@ -160,17 +163,26 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, sizes: _Size
         separate_input_output_schemas=False,
     )
     larger = {
-        ("POST", datasets.router.prefix): sizes.max_upload_bytes,
-        ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, sizes.max_body_bytes),
+        ("POST", datasets.router.prefix): chosen.max_upload_bytes,
+        ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, chosen.max_body_bytes),
     }
     answer_to = ErrorAnswers(_FOR_FORMS)
     # the last one added is the outermost
     app.add_middleware(Lanes, lanes=[*lanes_of(predictions.router), *lanes_of(inference.router)], answer_to=answer_to)
-    app.add_middleware(BodyLimit, limit_bytes=sizes.max_body_bytes, answer_to=answer_to, larger=larger)
+    app.add_middleware(BodyLimit, limit_bytes=chosen.max_body_bytes, answer_to=answer_to, larger=larger)
     app.add_middleware(AdminGate, answer_to=answer_to)
     app.add_middleware(
-        AnswerBytes, limit_bytes=sizes.max_answer_bytes, answer_to=answer_to, always=(*HEALTH_PATHS, "/metrics")
+        AnswerBytes, limit_bytes=chosen.max_answer_bytes, answer_to=answer_to, always=(*HEALTH_PATHS, "/metrics")
     )
+    app.add_middleware(Semantics)
+    if chosen.cors_origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=chosen.cors_origins,
+            allow_methods=["*"],
+            allow_headers=["*"],
+            expose_headers=["*"],
+        )
     app.add_middleware(RequestLog, instruments=instruments, answer_to=answer_to)
     answer_to.install(app)
     app.include_router(predictions.router)  # first, for a request is compared with one address after the other
@@ -275,6 +287,7 @@ def make_server(app: FastAPI, settings: Settings, lifecycle: Lifecycle, instrume
         app,
         host=settings.host,
         port=settings.port,
+        root_path=settings.root_path,
         loop="uvloop",
         http=connections.protocol,  # type: ignore[arg-type] # called as the class would be
         ws="none",

@@ -5,7 +5,10 @@ Ranges of the public API (`LIMITS`) are no settings: a client may rely on them i
 
 from __future__ import annotations
 
+import difflib
 import importlib.util
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -19,6 +22,9 @@ from service.allowed import allowed_values
 from service.errors import RoverTwinError
 
 PREFIX = "ROVER_TWIN_"
+_SECRETS = ("admin_token", "jobs_database_url")  # may also be read from a file, and are never printed
+_OF_CLIENTS = {f"{PREFIX}URL"}  # not ours, but often set beside them
+_SERVICE_LINKS = "Kubernetes set this for a service named rover-twin: set enableServiceLinks: false in the pod"
 
 
 class SettingsError(RoverTwinError, ValueError):
@@ -139,6 +145,13 @@ class Settings(BaseSettings):
         default=256 << 20,
         description="Bytes of answers that may wait for slow clients; beyond that new requests are refused with a 503.",
     )
+    root_path: Annotated[str, Field(pattern=r"^(/[A-Za-z0-9._~-]+)*$", max_length=200)] = Field(
+        default="", description="Prefix under which a proxy shows the service, such as /twin; the proxy strips it."
+    )
+    cors_origins: Annotated[tuple[str, ...], Field(max_length=100)] = Field(
+        default=(),
+        description="Origins whose pages may call this service from a browser, as a JSON list; `*` for all.",
+    )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         default="info", description="Least severe level of the messages that are logged."
     )
@@ -167,10 +180,44 @@ def load_settings(**overrides: Any) -> Settings:  # noqa: ANN401 - whatever the 
     Raises SettingsError with a one-line reason.
     """
     given = {name: value for name, value in overrides.items() if value is not None}
+    _require_known_variables()
+    given |= _from_files(given)
     try:
         return Settings(**given)
     except ValidationError as error:
         raise SettingsError(_reason(error, given)) from None
+
+
+def _from_files(known: Mapping[str, Any]) -> dict[str, str]:
+    """Secrets that a file holds: the variable with _FILE at its end names it. Raises SettingsError."""
+    found = {}
+    for name in _SECRETS:
+        variable = f"{PREFIX}{name.upper()}"
+        path = os.environ.get(f"{variable}_FILE")
+        if not path or name in known:
+            continue
+        if os.environ.get(variable):
+            raise SettingsError(f"both {variable} and {variable}_FILE are set; set one of them")
+        try:
+            found[name] = Path(path).read_text(encoding="utf-8").strip()
+        except (OSError, UnicodeDecodeError) as error:
+            raise SettingsError(f"{variable}_FILE names a file that cannot be read: {type(error).__name__}") from error
+    return found
+
+
+def _require_known_variables() -> None:
+    """Raises SettingsError for a variable that would be a setting if there were one of that name."""
+    known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields}
+    known |= {f"{PREFIX}{name.upper()}_FILE" for name in _SECRETS} | _OF_CLIENTS
+    for variable in sorted(os.environ):
+        if variable.startswith(PREFIX) and variable not in known:
+            nearest = difflib.get_close_matches(variable, known, 1, 0.0)[0]
+            raise SettingsError(f"there is no setting {variable}; the nearest is {nearest}" + _links(variable))
+
+
+def _links(variable: str) -> str:
+    injected = variable.endswith(("_SERVICE_HOST", "_SERVICE_PORT")) or "_PORT_" in variable
+    return f"; {_SERVICE_LINKS}" if injected else ""
 
 
 def _reason(error: ValidationError, given: dict[str, Any]) -> str:
@@ -180,7 +227,9 @@ def _reason(error: ValidationError, given: dict[str, Any]) -> str:
     known = Settings.model_json_schema()["properties"]
     if name not in known:
         return f"there is no setting {shown}; there are {', '.join(sorted(known))}"
-    reason = f"{shown} is {str(first['input'])[:100]!r}, allowed is {allowed_values(known[name])}"
+    # what may hold a password is never shown, not even to say that it is wrong
+    value = "not shown here" if name in _SECRETS else repr(str(first["input"])[:100])
+    reason = f"{shown} is {value}, allowed is {allowed_values(known[name])}"
     if str(first["input"]).startswith("tcp://"):
-        reason += "; Kubernetes set this for a service named rover-twin: set enableServiceLinks: false in the pod"
+        reason += f"; {_SERVICE_LINKS}"
     return reason

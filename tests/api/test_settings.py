@@ -76,3 +76,44 @@ def test_what_kubernetes_injects_is_recognised(monkeypatch):
 def test_an_unknown_setting_lists_the_known_ones():
     with pytest.raises(SettingsError, match=r"there is no setting prot; there are .*port"):
         load_settings(prot=1)
+
+
+def test_an_unknown_variable_stops_the_start_with_the_nearest_name(monkeypatch):
+    monkeypatch.setenv("ROVER_TWIN_PROT", "1")
+
+    with pytest.raises(SettingsError, match=r"no setting ROVER_TWIN_PROT; the nearest is ROVER_TWIN_PORT"):
+        load_settings()
+
+
+def test_what_kubernetes_injects_beside_is_recognised(monkeypatch):
+    monkeypatch.setenv("ROVER_TWIN_SERVICE_HOST", "10.0.0.1")
+
+    with pytest.raises(SettingsError, match="enableServiceLinks"):
+        load_settings()
+
+
+@pytest.mark.parametrize("field", ["admin_token", "jobs_database_url"])
+def test_a_refused_secret_is_not_printed(monkeypatch, field):
+    monkeypatch.setenv(PREFIX + field.upper(), "secret-word")
+
+    with pytest.raises(SettingsError) as caught:
+        load_settings()
+    assert "secret-word" not in str(caught.value)
+    assert PREFIX + field.upper() in str(caught.value)
+
+
+def test_a_secret_may_be_in_a_file(monkeypatch, tmp_path):
+    (tmp_path / "token").write_text("a token of more than sixteen letters\n")
+    monkeypatch.setenv("ROVER_TWIN_ADMIN_TOKEN_FILE", str(tmp_path / "token"))
+
+    assert load_settings().admin_token.get_secret_value() == "a token of more than sixteen letters"
+    monkeypatch.setenv("ROVER_TWIN_ADMIN_TOKEN", "another token of enough letters")
+    with pytest.raises(SettingsError, match="both"):
+        load_settings()
+
+
+def test_a_file_that_is_not_there_is_named_by_its_variable(monkeypatch):
+    monkeypatch.setenv("ROVER_TWIN_ADMIN_TOKEN_FILE", "/nowhere/token")
+
+    with pytest.raises(SettingsError, match="ROVER_TWIN_ADMIN_TOKEN_FILE"):
+        load_settings()

@@ -174,6 +174,9 @@ class GuardedProtocol(HttpToolsProtocol):
             self._refused = HeadTooLargeError(self._limits.head_bytes, self._limits.head_fields)
             raise self._refused
         self._in_head, self._head_bytes = False, 0
+        if self.parser.get_http_version() == "1.1" and not any(name == b"host" for name, _ in self.headers):
+            self._refused = MalformedHeadError("the request has no Host header")  # RFC 9112, 3.2
+            raise self._refused
         if not self._admitted and self.url.partition(b"?")[0].decode("latin-1") not in HEALTH_PATHS:
             self._refused = OverloadedError(f"{self._limits.connections} connections are open and busy")
             raise self._refused

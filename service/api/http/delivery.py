@@ -68,7 +68,7 @@ class Delivery:
     def not_modified(self) -> Response | None:
         """The 304 for who has the answer already, else None."""
         tags = {each.strip().removeprefix("W/") for each in self.known.split(",")}
-        if not self.known or self.cached.get("ETag") not in tags:
+        if not self.known or ("*" not in tags and self.cached.get("ETag") not in tags):
             return None
         return Response(status_code=304, headers={**self.cached, "Vary": self.vary})
 

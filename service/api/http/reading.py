@@ -98,6 +98,9 @@ def _refused(error: ValidationError, model: type[BaseModel], place: str) -> Inva
 
 def require_json(request: Request) -> None:
     """Refuse a body that does not say it is JSON. Raises UnsupportedMediaTypeError."""
+    coding = request.headers.get("content-encoding", "identity")
+    if coding.lower() != "identity":
+        raise UnsupportedMediaTypeError(f"Content-Encoding is {coding[:100]!r}, allowed is identity")
     sent = request.headers.get("content-type", "")
     if sent == "application/json":
         return

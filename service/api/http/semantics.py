@@ -1,0 +1,41 @@
+"""What HTTP asks of every address alike: HEAD wherever there is GET, and headers that tell browsers to be careful."""
+
+from __future__ import annotations
+
+import anyio
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+# No page of ours is shown inside another one, and no answer is guessed to be of another kind than it says.
+_CAREFUL = ((b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"no-referrer"))
+
+
+class Semantics:
+    """ASGI middleware. A HEAD is answered as the GET is, with its headers and without its body."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+
+        async def careful(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", ()), *_CAREFUL]
+            await send(message)
+
+        if scope["method"] != "HEAD":
+            await self.app(scope, receive, careful)
+            return
+        with anyio.CancelScope() as enough:
+
+            async def without_body(message: Message) -> None:
+                if message["type"] == "http.response.start":
+                    await careful(message)
+                    # a stream of events would go on for hours
+                    await send({"type": "http.response.body", "body": b"", "more_body": False})
+                    enough.cancel()
+
+            await self.app({**scope, "method": "GET"}, receive, without_body)
