@@ -74,6 +74,10 @@ def mobility(answer: Node) -> MobilityMap:
         slip_ratio=answer["slip_ratio"].numbers(*shape, gaps=True),
         inside_domain=answer["inside_domain"].flags(*shape),
         steepest_climb_slope_deg=answer["steepest_climb_slope_deg"].numbers(torque_nm.size, gaps=True),
+        steepest_inside_domain=tuple(
+            None if each.value is None else each.flag()
+            for each in answer["steepest_inside_domain"].items(torque_nm.size)
+        ),
     )
 
 
