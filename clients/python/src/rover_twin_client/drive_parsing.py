@@ -10,7 +10,7 @@ from rover_twin_client.answers import Array, Frame
 from rover_twin_client.document import Node
 from rover_twin_client.drives import Drive, DriveDomain, DriveEvent, DriveSummary, FailedDrive, Moment, Stretch
 from rover_twin_client.errors import FieldFault, UnexpectedAnswerError
-from rover_twin_client.parsing import band, frame_of, identity
+from rover_twin_client.parsing import band, frame_of, identity, reason
 
 
 def drive(answer: Node) -> Drive:
@@ -112,15 +112,16 @@ def _summary(node: Node) -> DriveSummary:
             "probabilities", lambda found: MappingProxyType({key: each.number() for key, each in found.members()})
         ),
         arrival_time_s=node.optional("arrival_time_s", Node.number),
-        earliest_arrival_time_s=node.optional("earliest_arrival_time_s", Node.number),
-        latest_arrival_time_s=node.optional("latest_arrival_time_s", Node.number),
+        arrival_earliest_s=node.optional("arrival_earliest_s", Node.number),
+        arrival_latest_s=node.optional("arrival_latest_s", Node.number),
         motor_energy_j=node["motor_energy_j"].number(),
         steepest_slope_deg=node["steepest_slope_deg"].number(),
-        steepest_distance_m=node["steepest_distance_m"].number(),
+        steepest_at_m=node["steepest_at_m"].number(),
         final_x_m=node["final_x_m"].number(),
         final_y_m=node["final_y_m"].number(),
         distance_m=node["distance_m"].number(),
         mean_speed_m_s=node["mean_speed_m_s"].number(),
+        duration_s=node["duration_s"].number(),
     )
 
 
@@ -137,5 +138,5 @@ def _stretch(node: Node) -> Stretch:
         from_s=node["from_s"].number(),
         to_s=node["to_s"].number(),
         inside=node["inside"].flag(),
-        reasons=tuple(item.text() for item in node["reasons"].items()),
+        reasons=tuple(reason(item) for item in node["reasons"].items()),
     )

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from rover_twin_client.answers import Array, Band, Flags, Frame, ModelIdentity
+from rover_twin_client.answers import Array, Band, DomainReason, Flags, Frame, ModelIdentity
 from rover_twin_client.errors import FieldFault
 
 Track: TypeAlias = Mapping[str, Sequence[float] | Array]
@@ -33,22 +33,24 @@ class DriveEvent:
 class DriveSummary:
     """A summary of the drive, the same however it is sampled. `outcome` is passes, sticks or slides.
 
-    `probabilities` are those of the three outcomes. The arrival times are None when the rover does not arrive within
-    the horizon, or when no `until_distance_m` was asked for; `latest` is None too when it may not arrive at all.
+    `probabilities` are those of the three outcomes, None for a version that does not know its errors. The arrival is at
+    `until_distance_m`, and with the probability of the band's level not before `arrival_earliest_s` nor after
+    `arrival_latest_s`. Each is None when it lies beyond the horizon, and when no distance was asked for.
     """
 
     outcome: str
     probabilities: Mapping[str, float] | None
     arrival_time_s: float | None
-    earliest_arrival_time_s: float | None
-    latest_arrival_time_s: float | None
+    arrival_earliest_s: float | None
+    arrival_latest_s: float | None
     motor_energy_j: float
     steepest_slope_deg: float
-    steepest_distance_m: float
+    steepest_at_m: float
     final_x_m: float
     final_y_m: float
     distance_m: float
     mean_speed_m_s: float
+    duration_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,7 @@ class Stretch:
     from_s: float
     to_s: float
     inside: bool
-    reasons: tuple[str, ...]
+    reasons: tuple[DomainReason, ...]
 
 
 @dataclass(frozen=True, slots=True)

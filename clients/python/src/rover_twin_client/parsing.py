@@ -161,7 +161,7 @@ def _domain(node: Node) -> Domain:
     nearest = node.get("nearest_runs")
     return Domain(
         inside=node["inside"].flag(),
-        reasons=tuple(_reason(item) for item in node["reasons"].items()),
+        reasons=tuple(reason(item) for item in node["reasons"].items()),
         distance=node.optional("distance", Node.number),
         nearest_runs=() if nearest is None else tuple(_nearest_run(item) for item in nearest.items()),
     )
@@ -178,7 +178,8 @@ def _nearest_run(node: Node) -> NearestRun:
     )
 
 
-def _reason(node: Node) -> DomainReason:
+def reason(node: Node) -> DomainReason:
+    """One input outside the domain."""
     return DomainReason(
         field=node["field"].text(),
         value=node["value"].number(),
