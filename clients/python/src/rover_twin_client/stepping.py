@@ -65,7 +65,9 @@ class Rovers:
         """The message that asks for the steps. The service has the state of those that it `known` from before."""
         there = set(known)
         rovers = [self._asked(step, there) for step in steps]
-        return {"rovers": rovers, "include": ["state"], **said(model=self._model)}
+        # Rovers that are on their way stay with their version, whatever an alias names by now.
+        begins = any("start" in each for each in rovers)
+        return {"rovers": rovers, "include": ["state"], **(said(model=self._model) if begins else {})}
 
     def call(self, steps: Iterable[RoverStep]) -> Call[list[Moment]]:
         """POST /v1/steps. Harmless to repeat: a state is sent along, and nothing is kept at the service."""
