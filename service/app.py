@@ -32,12 +32,14 @@ from service.api.http.lanes import Lanes, lanes_of
 from service.api.http.openapi import openapi_of
 from service.api.http.request_log import RequestLog
 from service.api.http.upload_body import remove_forgotten_uploads
+from service.api.http.web_sockets import WebSocketProtocol
 from service.api.http.worker_threads import WorkerThreads
 from service.api.services import Lifecycle, LifespanState, Services
 from service.api.v1 import (
     aliases,
     batch,
     datasets,
+    live,
     mobility,
     models,
     predictions,
@@ -57,6 +59,7 @@ from service.settings import Settings
 from service.twin import Twin, TwinRegistry
 
 _STORAGE_THREADS = 16
+_PARTING_S = 5.0  # in which live connections hand back what they keep
 _MAX_HEADER_BYTES = 32 * 1024
 _Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[LifespanState]]
 
@@ -169,6 +172,7 @@ def _assemble(
         app.include_router(resource.router)
     for router in (aliases.reading, aliases.moving):
         app.include_router(router)
+    app.router.routes.append(live.route)
     app.openapi = lambda: openapi_of(app)  # type: ignore[method-assign] # FastAPI's documented way
     return app
 
@@ -202,8 +206,9 @@ class Server(uvicorn.Server):
             super().handle_exit(sig, frame)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """No new requests from here on: streams end, all others finish."""
+        """No new requests from here on: streams end, live connections hand back what they keep, all others finish."""
         self._lifecycle.ending = True
+        await self._lifecycle.live.end(min(_PARTING_S, float(self.config.timeout_graceful_shutdown or _PARTING_S)))
         await super().shutdown(sockets)
 
     async def on_tick(self, counter: int) -> bool:
@@ -253,7 +258,9 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
         port=settings.port,
         loop="uvloop",
         http="httptools",
-        ws="none",
+        ws=WebSocketProtocol,
+        ws_max_size=live.MAX_MESSAGE_BYTES,
+        ws_per_message_deflate=False,  # answers are small, and wanted at once
         lifespan="on",
         log_config=None,  # log.py has configured it
         access_log=False,  # request_log.py writes it

@@ -94,6 +94,17 @@ class Instruments:
             buckets=_STEP_BOUNDS_S,
             registry=own,
         )
+        self._live = Gauge(
+            f"{PREFIX}live_connections", "Open connections to /v1/live.", registry=own, multiprocess_mode="livesum"
+        )
+        self._live_rovers = Gauge(
+            f"{PREFIX}live_rovers", "Rovers of open connections.", registry=own, multiprocess_mode="livesum"
+        )
+        self._live_ended = Counter(
+            f"{PREFIX}live_connections_ended", "Connections to /v1/live that are over.", ("reason",), registry=own
+        )
+        self._live.set(0)
+        self._live_rovers.set(0)
         self._stepped: dict[str, tuple[Counter, Counter, Histogram]] = {}
         self._loads = Counter(f"{PREFIX}model_loads", "Versions brought into memory.", _VERSION, registry=own)
         self._processes.set(1)
@@ -151,6 +162,18 @@ class Instruments:
         if refused:
             series[1].inc(refused)
         series[2].observe(seconds)
+
+    def live_connections(self, more: int) -> None:
+        """So many more connections are open."""
+        self._live.inc(more)
+
+    def live_rovers(self, more: int) -> None:
+        """So many more rovers are kept."""
+        self._live_rovers.inc(more)
+
+    def live_ended(self, reason: str) -> None:
+        """A connection is over, or was refused."""
+        self._live_ended.labels(reason).inc()
 
     def _series_of(self, labels: tuple[str, str]) -> tuple[Histogram, dict[Outcome, Counter]]:
         by_outcome = {outcome: self._scenarios.labels(*labels, outcome.value) for outcome in Outcome}

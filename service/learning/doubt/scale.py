@@ -29,7 +29,8 @@ class Scale:
     _floor: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_logarithms", np.log(self.sizes))
+        with np.errstate(invalid="ignore", divide="ignore"):  # whoever reads it from a file checks it first
+            object.__setattr__(self, "_logarithms", np.log(self.sizes))
         object.__setattr__(self, "_floor", _FLOOR_SHARE * np.median(self.sizes, axis=1))
 
     def at(self, places: Array) -> Array:

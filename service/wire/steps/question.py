@@ -125,6 +125,9 @@ class LiveBody(StepsBody):
         list[Literal["state"]],
         Field(max_length=8, description="`state` for the state of each rover beside the rest."),
     ] = []
+    remove: Annotated[
+        list[str], Field(max_length=MAX_ROVERS, description="Ids of rovers to forget, after the steps of this message.")
+    ] = []
 
 
 class _Shared(BaseModel):
@@ -133,7 +136,8 @@ class _Shared(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     model: Annotated[str | None, *_MODEL.metadata] = None
-    include: list[Literal["state"]] = []
+    include: Annotated[list[Literal["state"]], Field(max_length=8)] = []
+    remove: Annotated[list[str], Field(max_length=MAX_ROVERS)] = []
 
 
 ROVER_WORDS: Mapping[str, str] = allowed_fields(RoverStep.model_json_schema())
@@ -142,6 +146,7 @@ STEPS_WORDS: Mapping[str, str] = {
     **ROVER_WORDS,
     "model": allowed_fields(StepsBody.model_json_schema())["model"],
     "include": "a list of state",
+    "remove": f"a list of at most {MAX_ROVERS} ids",
     "rovers": f"a list of 1 to {MAX_ROVERS} rovers",
 }
 """The same of a whole message."""
@@ -182,12 +187,12 @@ def read_steps(document: object, *, live: bool = False, most: int = MAX_ROVERS) 
     """
     if not isinstance(document, dict):
         raise InvalidInputError(fault("body", document, "a JSON object"))
-    known = ("rovers", "model", "include") if live else ("rovers", "model")
+    known = ("rovers", "model", "include", "remove") if live else ("rovers", "model")
     if strangers := [name for name in document if name not in known]:
         allowed = "one of " + ", ".join(known)
         raise InvalidInputError(*(unknown_field(name, document[name], allowed) for name in strangers[:20]))
-    sent = document.get("rovers")
-    if not isinstance(sent, list) or not 1 <= len(sent) <= most:
+    sent = document.get("rovers", [] if "remove" in document else None)
+    if not isinstance(sent, list) or not ("remove" not in document) <= len(sent) <= most:
         said = f"{len(sent)} rovers" if isinstance(sent, list) else sent
         raise InvalidInputError(fault("rovers", said, f"a list of 1 to {most} rovers"))
     shared = _SAME if len(document) == 1 else _read_shared(document)
@@ -220,6 +225,7 @@ def read_steps(document: object, *, live: bool = False, most: int = MAX_ROVERS) 
         sent_ids=[each.get("id") if isinstance(each, dict) else None for each in sent],
         failures=failures,
         model=shared.model,
+        remove=shared.remove,
         with_state=not live or "state" in shared.include,
     )
 
