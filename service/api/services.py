@@ -12,6 +12,7 @@ from model_store import Manifest, ModelStore
 from service.api.http.event_stream import MOST_LISTENERS
 from service.api.http.instruments import Instruments
 from service.api.http.statistics import Statistics
+from service.api.http.web_sockets import Connections
 from service.api.http.worker_threads import WorkerThreads
 from service.jobs.queue import JobQueue
 from service.settings import Settings
@@ -28,6 +29,7 @@ class Lifecycle:
 
     draining: bool = False
     ending: bool = False  # no more requests are taken: streams that could go on for hours end now
+    live: Connections = field(default_factory=Connections)
 
 
 @dataclass(frozen=True, slots=True)

@@ -226,6 +226,10 @@ class Doubt:
         """What to expect along a drive: (2, 1), of offsets in units of UNIT_OFFSET, and of y (m)."""
         return np.asarray(self.scale.at(meeting.places(self.rover, self.regolith)).mean(axis=1, keepdims=True))
 
+    def drive_factor(self, level: float) -> float:
+        """By how much the scale of a drive is multiplied for x. Raises InvalidValueError for a level beyond bounds."""
+        return float(self._factors(_A_DRIVE, level)[0, 0])
+
     def _scenario_scales(self, scenarios: Scenarios, seen_m: Array) -> tuple[Array, Kinds]:
         speed = settled_speed(seen_m, self.settled_s)
         there = scenario_places(self.rover, self.regolith, scenarios, speed)
