@@ -38,6 +38,7 @@ from service.api.v1 import (
     aliases,
     batch,
     datasets,
+    drives,
     mobility,
     models,
     predictions,
@@ -150,16 +151,19 @@ def _assemble(
     larger = {
         ("POST", datasets.router.prefix): max_upload_bytes,
         ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, max_body_bytes),
+        ("POST", drives.PATH): max(drives.MAX_BODY_BYTES, max_body_bytes),
     }
     answer_to = ErrorAnswers({PREFIX: failure})
     # the last one added is the outermost
-    app.add_middleware(Lanes, lanes=[*lanes_of(predictions.router), *lanes_of(inference.router)], answer_to=answer_to)
+    lanes = [lane for resource in (predictions, drives, inference) for lane in lanes_of(resource.router)]
+    app.add_middleware(Lanes, lanes=lanes, answer_to=answer_to)
     app.add_middleware(BodyLimit, limit_bytes=max_body_bytes, answer_to=answer_to, larger=larger)
     app.add_middleware(AdminGate, answer_to=answer_to)
     app.add_middleware(RequestLog, instruments=instruments, answer_to=answer_to)
     answer_to.install(app)
     app.include_router(predictions.router)  # first, for a request is compared with one address after the other
     app.include_router(batch.router)
+    app.include_router(drives.router)
     docs.install(app)
     for resource in (inference, mobility, models, suggested_runs, health, metrics, datasets, training_jobs):
         app.include_router(resource.router)
