@@ -39,6 +39,7 @@ from service.api.v1 import (
     aliases,
     batch,
     datasets,
+    drives,
     live,
     mobility,
     models,
@@ -155,10 +156,11 @@ def _assemble(
         ("POST", datasets.router.prefix): max_upload_bytes,
         ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, max_body_bytes),
         ("POST", steps.PATH): max(steps.MAX_BODY_BYTES, max_body_bytes),
+        ("POST", drives.PATH): max(drives.MAX_BODY_BYTES, max_body_bytes),
     }
     answer_to = ErrorAnswers({PREFIX: failure})
     # the last one added is the outermost
-    lanes = [lane for router in (predictions.router, steps.router, inference.router) for lane in lanes_of(router)]
+    lanes = [lane for resource in (predictions, drives, steps, inference) for lane in lanes_of(resource.router)]
     app.add_middleware(Lanes, lanes=lanes, answer_to=answer_to)
     app.add_middleware(BodyLimit, limit_bytes=max_body_bytes, answer_to=answer_to, larger=larger)
     app.add_middleware(AdminGate, answer_to=answer_to)
@@ -166,6 +168,7 @@ def _assemble(
     answer_to.install(app)
     app.include_router(predictions.router)  # first, for a request is compared with one address after the other
     app.include_router(batch.router)
+    app.include_router(drives.router)
     app.include_router(steps.router)
     docs.install(app)
     for resource in (inference, mobility, models, suggested_runs, health, metrics, datasets, training_jobs):

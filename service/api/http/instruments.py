@@ -26,6 +26,7 @@ from prometheus_client.registry import Collector
 from prometheus_client.values import MultiProcessValue
 
 from service.twin import Twin
+from service.twin.drives import DriveOutcome
 from service.twin.summary import Outcome
 
 PREFIX = "rover_twin_"
@@ -56,6 +57,7 @@ class Instruments:
         self._versions: dict[tuple[str, int], tuple[str, str]] = {}
         self._answered: dict[tuple[str, str, int], tuple[Counter, Histogram]] = {}
         self._computed: dict[tuple[str, str], tuple[Histogram, dict[Outcome, Counter]]] = {}
+        self._driven: dict[tuple[str, str], tuple[Histogram, dict[DriveOutcome, Counter]]] = {}
         self._requests = Counter(
             f"{PREFIX}http_requests", "Answered requests.", ("method", "route", "status"), registry=own
         )
@@ -106,6 +108,20 @@ class Instruments:
         self._live.set(0)
         self._live_rovers.set(0)
         self._stepped: dict[str, tuple[Counter, Counter, Histogram]] = {}
+        self._drives = Counter(f"{PREFIX}drives", "Answered drives.", (*_VERSION, "outcome"), registry=own)
+        self._drives_outside = Counter(
+            f"{PREFIX}drives_outside_domain",
+            "Answered drives that leave the domain of the version that answered.",
+            _VERSION,
+            registry=own,
+        )
+        self._driving = Histogram(
+            f"{PREFIX}drive_duration_seconds",
+            "Arithmetic of one drive.",
+            _VERSION,
+            buckets=_COMPUTE_BOUNDS_S,
+            registry=own,
+        )
         self._loads = Counter(f"{PREFIX}model_loads", "Versions brought into memory.", _VERSION, registry=own)
         self._processes.set(1)
         self._running.set(0)
@@ -174,6 +190,18 @@ class Instruments:
     def live_ended(self, reason: str) -> None:
         """A connection is over, or was refused."""
         self._live_ended.labels(reason).inc()
+
+    def drove(self, twin: Twin, seconds: float, outcome: DriveOutcome, inside: bool) -> None:
+        """A drive was answered in so many seconds."""
+        labels = self._labels(twin)
+        series = self._driven.get(labels)
+        if series is None:
+            by_outcome = {each: self._drives.labels(*labels, each.value) for each in DriveOutcome}
+            series = self._driven[labels] = self._driving.labels(*labels), by_outcome
+        series[0].observe(seconds)
+        series[1][outcome].inc()
+        if not inside:
+            self._drives_outside.labels(*labels).inc()
 
     def _series_of(self, labels: tuple[str, str]) -> tuple[Histogram, dict[Outcome, Counter]]:
         by_outcome = {outcome: self._scenarios.labels(*labels, outcome.value) for outcome in Outcome}

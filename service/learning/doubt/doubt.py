@@ -89,20 +89,40 @@ class Doubt:
             return [model.positions_with(scenarios, time_s, side * offsets).x_m for side in (1.0, -1.0)]
 
         edges = self._edges(sides, kinds, scales, level, centre, time_s)
-        slowest, fastest = self._possible(np.sin(scenarios.slope_angle_rad)[:, None], time_s)
-        return replace(
-            edges,
-            x_low_m=np.maximum(edges.x_low_m, np.minimum(slowest, centre.x_m)),
-            x_high_m=np.minimum(edges.x_high_m, np.maximum(fastest, centre.x_m)),
-        )
+        return _within(edges, centre.x_m, *self._possible(np.sin(scenarios.slope_angle_rad)[:, None], time_s))
 
-    def drive_edges(self, drive: OffsetDrive, meeting: Meeting, level: float, centre: Positions) -> Edges:
-        """The band around a drive's positions `centre` (1, time), at the times of its meeting."""
+    def drive_edges(
+        self,
+        drive: OffsetDrive,
+        meeting: Meeting,
+        level: float,
+        centre: Positions,
+        *,
+        time_s: Array | None = None,
+        scales: Array | None = None,
+        possible: tuple[Array, Array] | None = None,
+    ) -> Edges:
+        """The band around a drive's positions `centre` (1, time), at `time_s`, or else at the times of its meeting.
+
+        `drive` is at the same times. `scales` are the meeting's `drive_scales`, where the caller has them, `possible`
+        the x between which the rover must be, (time,) each.
+        """
+        times = meeting.time_s if time_s is None else time_s
 
         def sides(offsets: Array) -> Sequence[Array]:
             return [drive(side * float(offsets[0])).x_m for side in (1.0, -1.0)]
 
-        return self._edges(sides, _A_DRIVE, self.drive_scales(meeting), level, centre, meeting.time_s)
+        known = self.drive_scales(meeting) if scales is None else scales
+        edges = self._edges(sides, _A_DRIVE, known, level, centre, times)
+        return edges if possible is None else _within(edges, centre.x_m, *possible)
+
+    def possible_ways(self, sines: tuple[float, float], start_speed_m_s: float, time_s: Array) -> tuple[Array, Array]:
+        """Between which x a drive must be: as `_possible`, where the slope's sine is between two numbers."""
+        lowest, highest = (self._possible(np.array(sine), time_s) for sine in sines)
+        return (
+            highest[0] + min(start_speed_m_s, 0.0) * time_s,
+            lowest[1] + max(start_speed_m_s, 0.0) * time_s,
+        )
 
     def _edges(
         self,
@@ -205,9 +225,9 @@ class Doubt:
         least = float(entropy(np.array([runs + 0.5, 0.5, 0.5]) / (runs + 1.5)))
         return np.asarray(scale * (_SURE_NATS + np.maximum(entropy(chances) - least, 0.0)))
 
-    def drive_probabilities(self, drive: OffsetDrive, meeting: Meeting) -> Array:
-        """Of passing, sticking and sliding at the end of a drive, (3,)."""
-        scale = UNIT_OFFSET * self.drive_scales(meeting)[0]
+    def drive_probabilities(self, drive: OffsetDrive, meeting: Meeting, scales: Array | None = None) -> Array:
+        """Of passing, sticking and sliding at the end of a drive, (3,). `scales` as those of `drive_edges`."""
+        scale = UNIT_OFFSET * (self.drive_scales(meeting) if scales is None else scales)[0]
         seconds = late_part(meeting.time_s, meeting.driven)
 
         def ended(x_m: Array) -> tuple[float, float]:
@@ -251,6 +271,15 @@ def ends_of(
     times = np.stack([(1.0 - LAST_PART) * horizon_s, horizon_s], axis=1)
     x = model.positions_with(scenarios, times, offsets).x_m
     return np.asarray((x[:, 1] - x[:, 0]) / (LAST_PART * horizon_s)), np.asarray(x[:, 1])
+
+
+def _within(edges: Edges, x_m: Array, slowest: Array, fastest: Array) -> Edges:
+    """A band without what cannot be; it still holds `x_m`."""
+    return replace(
+        edges,
+        x_low_m=np.maximum(edges.x_low_m, np.minimum(slowest, x_m)),
+        x_high_m=np.minimum(edges.x_high_m, np.maximum(fastest, x_m)),
+    )
 
 
 def _only(scenarios: Scenarios, rows: npt.NDArray[np.intp]) -> Scenarios:

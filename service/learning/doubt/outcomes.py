@@ -108,13 +108,16 @@ def entropy(chances: Array) -> Array:
 def find_borders(ends: Ends, late_speed_m_s: Array, end_m: Array, reach: Array) -> Borders:
     """The borders of scenarios; infinite beyond `reach` (scenario,).
 
-    `late_speed_m_s` and `end_m` are those without an offset. Most scenarios end alike at both ends of the reach: they
-    cost two drives, the others eight more for each border.
+    `late_speed_m_s` and `end_m` are those without an offset. One that climbs is driven at the upper end of its reach
+    alone, one that slides at the lower: at the other end no border that counts can be. Most end alike there, which
+    makes one drive; the others take eight more for each border.
     """
-    every = np.arange(len(reach))
     middle = np.stack([late_speed_m_s, end_m])
-    high = np.maximum(np.stack(ends(-reach, every)), middle)
-    low = np.minimum(np.stack(ends(reach, every)), middle)
+    high, low = middle.copy(), middle.copy()
+    if (rows := np.flatnonzero((late_speed_m_s < LATE_SPEED_M_S) | (end_m < 0.0))).size:
+        high[:, rows] = np.maximum(np.stack(ends(-reach[rows], rows)), middle[:, rows])
+    if (rows := np.flatnonzero(late_speed_m_s >= -LATE_SPEED_M_S)).size:
+        low[:, rows] = np.minimum(np.stack(ends(reach[rows], rows)), middle[:, rows])
     wanted = ((0, LATE_SPEED_M_S), (1, 0.0), (0, -LATE_SPEED_M_S))
     found = [_border(ends, of, least, (high[of], middle[of], low[of]), reach) for of, least in wanted]
     return Borders(found[0], found[1], np.maximum(found[0], found[2]))
