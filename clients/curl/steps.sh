@@ -25,6 +25,11 @@ member() { # NAME: the first value of that name in the answer, without quotes
     tr -d '\r\n' <"$answer" | sed -n "s/.*\"$1\" *: *\"\{0,1\}\([^\",}]*\).*/\1/p"
 }
 
+reason() { # what went wrong with the rover, or the first line of another answer
+    found=$(tr -d '\r\n' <"$answer" | sed -n 's/.*"detail" *: *"\(\([^"\\]\|\\.\)*\)".*/\1/p' | sed 's/\\\(["\\/]\)/\1/g')
+    if [ -n "$found" ]; then printf '%s' "$found"; else head -c 200 "$answer" | head -n 1; fi
+}
+
 require_number() { # TEXT NAME
     case $1 in
     '' | *[!0-9.eE+-]* | +* | .* | *.) complain "$2 is '$1', which is no number" 2 ;;
@@ -61,7 +66,7 @@ while read -r slope torque dt; do
         curl --silent --show-error --connect-timeout 3 --max-time 60 --output "$answer" --write-out '%{http_code}' \
             --header 'Content-Type: application/json' --data-binary @- "${url%/}/v1/steps") || exit 1
     state=$(member state)
-    if [ "$status" != 200 ] || [ -z "$state" ]; then complain "$(member detail) (HTTP $status)" 1; fi
+    if [ "$status" != 200 ] || [ -z "$state" ]; then complain "$(reason)" 1; fi
     printf '%s %s %s\n' "$(member time_s)" "$(member x_m)" "$(member speed_m_s)"
     origin="\"state\": \"$state\""
 done
