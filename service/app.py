@@ -39,6 +39,7 @@ from service.api.v1 import (
     aliases,
     batch,
     datasets,
+    drive_batch,
     drives,
     live,
     mobility,
@@ -157,6 +158,7 @@ def _assemble(
         ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, max_body_bytes),
         ("POST", steps.PATH): max(steps.MAX_BODY_BYTES, max_body_bytes),
         ("POST", drives.PATH): max(drives.MAX_BODY_BYTES, max_body_bytes),
+        ("POST", drive_batch.PATH): max(drive_batch.MAX_BODY_BYTES, max_body_bytes),
     }
     answer_to = ErrorAnswers({PREFIX: failure})
     # the last one added is the outermost
@@ -170,6 +172,7 @@ def _assemble(
     app.include_router(batch.router)
     app.include_router(drives.router)
     app.include_router(steps.router)
+    app.include_router(drive_batch.router)
     docs.install(app)
     for resource in (inference, mobility, models, suggested_runs, health, metrics, datasets, training_jobs):
         app.include_router(resource.router)

@@ -15,13 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from service.errors import InvalidValueError
-from service.learning.doubt.doubt import Doubt
+from service.learning.doubt.doubt import HIGHEST_LEVEL, LOWEST_LEVEL, Doubt
 from service.learning.doubt.meeting import Meeting
 from service.learning.doubt.outcomes import Class
 from service.physics.scenario import Array, Positions
 from service.twin.drives import summary as numbers
 from service.twin.drives.events import Event, events_of
-from service.twin.drives.question import DriveQuestion, Told, driver_of
+from service.twin.drives.question import DriveQuestion, Driver, Told, driver_of
 from service.twin.drives.stretches import DriveDomain, domain_of
 from service.twin.drives.summary import OUTCOMES, Arrival, DriveOutcome, DriveSummary, Probabilities
 from service.twin.drives.way import Rover, Way, own_times
@@ -82,10 +82,19 @@ def drive(twin: Twin, question: DriveQuestion, wanted: Wanted) -> Drive:
     Raises InvalidValueError for a twin that cannot drive, and for a band in the world frame, of a version without one
     or at a level that is not 0.5 to 0.99; NonFiniteError instead of answering with NaN or infinity.
     """
-    driver = driver_of(twin)
-    if wanted.band:
-        twin.band_in(wanted.frame)
+    driver = require_driver(twin, wanted)
     return _Answer(twin, question, wanted, Rover.of(driver, question)).drive()
+
+
+def require_driver(twin: Twin, wanted: Wanted) -> Driver:
+    """The model that drives. Raises InvalidValueError for what a twin can answer to no drive at all."""
+    driver = driver_of(twin)
+    if wanted.band and not isinstance(twin.band_in(wanted.frame), Doubt):
+        none = f"wheel_speed; {twin.name}@{twin.version} has no band around drives"
+        raise InvalidValueError("include", "band", none)
+    if wanted.band and not LOWEST_LEVEL <= wanted.band_level <= HIGHEST_LEVEL:
+        raise InvalidValueError("band_level", wanted.band_level, f"{LOWEST_LEVEL:g} to {HIGHEST_LEVEL:g}")
+    return driver
 
 
 class _Answer:
@@ -204,10 +213,7 @@ class _Answer:
 
     def _edges(self, time_s: Array, x_m: Array, y_m: Array) -> tuple[Array, Array, Array, Array]:
         """Of the band at times, (time,) each."""
-        if not isinstance(self._doubt, Doubt):
-            twin = self._twin
-            none = f"wheel_speed; {twin.name}@{twin.version} has no band around drives"
-            raise InvalidValueError("include", "band", none)
+        assert self._doubt is not None
         edges = self._doubt.drive_edges(
             lambda offset: self._rover.positions(time_s, offset),
             self._meeting,

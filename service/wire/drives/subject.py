@@ -84,7 +84,7 @@ class DriveSubject:
             "model": model_of(self.loaded),
             "drive": self.echo(),
             "frame": drive.frame.value,
-            "units": {name: _UNITS[name] if name in _UNITS else unit_of(name) for name in self.columns()},
+            "units": {name: unit_of_drive(name) for name in self.columns()},
             **self._rest(),
             **band,
         }
@@ -123,6 +123,11 @@ class DriveSubject:
         )
         order, axes = ORDERS[Frame.WORLD], "X horizontal; Z up"
         return Stage(across, up, drive.trajectory["slope_deg"], told, order, axes, doc)
+
+
+def unit_of_drive(column: str) -> str:
+    """The unit of a column; empty for true and false."""
+    return _UNITS[column] if column in _UNITS else unit_of(column)
 
 
 def domain_of(domain: DriveDomain) -> dict[str, Any]:
