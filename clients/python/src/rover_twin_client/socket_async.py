@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import AsyncExitStack
 from typing import Any
 
 import httpx
@@ -19,6 +20,7 @@ class AsyncSocket:
     def __init__(self, base_url: httpx.URL, path: str) -> None:
         self._url = address(base_url, path)
         self._connection: ClientConnection | None = None
+        self._opened = AsyncExitStack()
 
     @property
     def is_open(self) -> bool:
@@ -33,9 +35,10 @@ class AsyncSocket:
         """
         try:
             if self._connection is None:
-                self._connection = await connect(
+                opening = connect(
                     self._url, open_timeout=CONNECT_S, max_size=LARGEST_BYTES, compression=None, close_timeout=1
                 )
+                self._connection = await self._opened.enter_async_context(opening)
             async with asyncio.timeout(ANSWER_S):
                 await self._connection.send(packed(message))
                 while not is_answer(answer := read(await self._connection.recv())):
@@ -47,6 +50,5 @@ class AsyncSocket:
 
     async def aclose(self) -> None:
         """Closes the connection."""
-        connection, self._connection = self._connection, None
-        if connection is not None:
-            await connection.close()
+        self._connection = None
+        await self._opened.aclose()

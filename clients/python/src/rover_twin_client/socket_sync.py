@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import Any
 
 import httpx
@@ -18,6 +19,7 @@ class Socket:
     def __init__(self, base_url: httpx.URL, path: str) -> None:
         self._url = address(base_url, path)
         self._connection: ClientConnection | None = None
+        self._opened = ExitStack()
 
     @property
     def is_open(self) -> bool:
@@ -32,9 +34,10 @@ class Socket:
         """
         try:
             if self._connection is None:
-                self._connection = connect(
+                opening = connect(
                     self._url, open_timeout=CONNECT_S, max_size=LARGEST_BYTES, compression=None, close_timeout=1
                 )
+                self._connection = self._opened.enter_context(opening)
             self._connection.send(packed(message))
             while not is_answer(answer := read(self._connection.recv(timeout=ANSWER_S))):
                 pass
@@ -45,6 +48,5 @@ class Socket:
 
     def close(self) -> None:
         """Closes the connection."""
-        connection, self._connection = self._connection, None
-        if connection is not None:
-            connection.close()
+        self._connection = None
+        self._opened.close()
