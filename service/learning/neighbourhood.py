@@ -27,6 +27,7 @@ _SMALLEST_LIMIT = 1e-6  # degrees made radians and back must not put a lone run 
 NEAREST = 3
 MAX_RUNS = 100_000
 _CELLS_AT_ONCE = 1_000_000
+FEW = 32  # times fewer cells at once: what fits the processor's caches is made much sooner
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +141,13 @@ class Neighbourhood:
                 squares[every, nearest] = np.inf
         return order, np.sqrt(found, out=found)
 
+    def least_distances(self, places: Array) -> Array:
+        """How far the nearest run is from each place (scenario, 3); shape (scenario,). Much faster than which it is."""
+        found = np.empty(len(places))
+        for rows in chunks(len(places), FEW * len(self.runs)):
+            found[rows] = squared_distances(places[rows], self.places).min(axis=1)
+        return np.sqrt(found, out=found)
+
     def nearest_runs(self, order: npt.NDArray[np.intp], distances: Array) -> tuple[NearestRun, ...]:
         """One place's row of `nearest_many` as runs."""
         return tuple(
@@ -167,6 +175,16 @@ def chunks(rows: int, columns: int) -> Iterator[slice]:
     """Rows in chunks, such that a table of `columns` columns stays at some eight megabytes of float64."""
     size = max(1, _CELLS_AT_ONCE // max(columns, 1))
     return (slice(first, first + size) for first in range(0, rows, size))
+
+
+def squared_distances(places: Array, others: Array) -> Array:
+    """Of each place (place, coordinate) to each of the others, (place, other): rounded, as it is one product."""
+    centre = others.mean(axis=0)
+    here, there = places - centre, others - centre
+    found = np.asarray(here @ (-2.0 * there.T))
+    found += np.square(here).sum(axis=1)[:, None]
+    found += np.square(there).sum(axis=1)
+    return np.asarray(np.maximum(found, 0.0, out=found))
 
 
 def nearest_other(places: Array) -> Array:
