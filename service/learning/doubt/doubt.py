@@ -17,10 +17,10 @@ import numpy.typing as npt
 from service.errors import InvalidValueError
 from service.learning.doubt import coverage, multipliers
 from service.learning.doubt.evidence import Evidence
-from service.learning.doubt.excursions import LARGEST_ERROR, UNIT_OFFSET, late_part, mean_speed, remainder_m
+from service.learning.doubt.excursions import LARGEST_ERROR, UNIT_OFFSET, late_part, remainder_m
 from service.learning.doubt.meeting import LAST_PART, Meeting, OffsetModel, look_times, scenario_places, settled_speed
 from service.learning.doubt.multipliers import Kinds
-from service.learning.doubt.outcomes import Class, OutcomeLaw, classes, entropy, find_borders
+from service.learning.doubt.outcomes import Class, OutcomeLaw, classes, climbs, entropy, falls_back, find_borders
 from service.learning.doubt.scale import Scale
 from service.learning.edges import Edges
 from service.learning.observed import ObservedRun
@@ -228,18 +228,29 @@ class Doubt:
     def drive_probabilities(self, drive: OffsetDrive, meeting: Meeting, scales: Array | None = None) -> Array:
         """Of passing, sticking and sliding at the end of a drive, (3,). `scales` as those of `drive_edges`."""
         scale = UNIT_OFFSET * (self.drive_scales(meeting) if scales is None else scales)[0]
-        seconds = late_part(meeting.time_s, meeting.driven)
+        seconds, steps = late_part(meeting.time_s, meeting.driven), np.diff(meeting.time_s)
+        weights = seconds / np.maximum(steps, 1e-12) / max(float(seconds.sum()), 1e-12)
+        known: dict[float, tuple[float, float]] = {}
 
         def ended(x_m: Array) -> tuple[float, float]:
-            return float(mean_speed(x_m, meeting.time_s, seconds)), float(x_m[-1] - x_m[0])
+            return float(np.dot(x_m[1:] - x_m[:-1], weights)), float(x_m[-1] - x_m[0])
+
+        def ended_with(offset: float) -> tuple[float, float]:
+            if offset not in known:
+                known[offset] = ended(drive(offset).x_m[0])
+            return known[offset]
 
         def ends(offsets: Array, _rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
-            found = np.array([ended(drive(float(offset)).x_m[0]) for offset in offsets])
+            found = np.array([ended_with(float(offset)) for offset in offsets])
             return found[:, 0], found[:, 1]
 
-        late, end = ended(meeting.x_m)
+        middle = ended(meeting.x_m)
         reach = np.minimum(self.outcomes.reach(scale), LARGEST_ERROR)
-        found = find_borders(ends, np.array([late]), np.array([end]), reach)
+        if climbs(*middle) and climbs(*ended_with(float(reach[0]))):
+            return self.outcomes.sure(Class.CLIMBS)
+        if falls_back(middle[0]) and falls_back(ended_with(-float(reach[0]))[0]):
+            return self.outcomes.sure(Class.SLIDES)
+        found = find_borders(ends, np.array([middle[0]]), np.array([middle[1]]), reach)
         return np.asarray(self.outcomes.probabilities(found, scale)[0])
 
     def drive_scales(self, meeting: Meeting) -> Array:

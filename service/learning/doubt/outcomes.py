@@ -48,6 +48,16 @@ def classes(late_speed_m_s: Array, end_m: Array) -> npt.NDArray[np.intp]:
     return np.where(slides, Class.SLIDES, np.where(goes_up, Class.CLIMBS, Class.STALLS))
 
 
+def climbs(late_speed_m_s: float, end_m: float) -> bool:
+    """Whether one rover neither stalls nor is below its start: larger speeds and ends change nothing."""
+    return late_speed_m_s >= LATE_SPEED_M_S and end_m >= 0.0
+
+
+def falls_back(late_speed_m_s: float) -> bool:
+    """Whether one rover slides in the end: smaller speeds change nothing."""
+    return late_speed_m_s < -LATE_SPEED_M_S
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Borders:
     """The offsets from which on rovers no longer go up, end below their start, and slide, (scenario,) each.
@@ -83,6 +93,12 @@ class OutcomeLaw:
     def probabilities(self, borders: Borders, scale: Array) -> Array:
         """Of climbing, stalling and sliding, (scenario, 3), for scales (scenario,), fractions of the weight."""
         return _probabilities(borders, self.spread * scale, self.runs)
+
+    def sure(self, outcome: Class) -> Array:
+        """Of each outcome, (3,), where errors within reach change nothing: as sure as the number of runs supports."""
+        found = np.full(len(Class), 0.5)
+        found[outcome] += self.runs
+        return np.asarray(found / (self.runs + 1.5))
 
     def reach(self, scale: Array) -> Array:
         """The offset beyond which errors are rarer than the number of runs tells, (scenario,)."""

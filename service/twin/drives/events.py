@@ -73,13 +73,24 @@ def events_of(
     `driven` (time,) says whether motors drive from each time on; the rover's middle is `ahead_m` of its rear wheel,
     `last_m` is the last knot (None: a track without an end). Whoever `arrived` did so at the last time.
     """
-    found = list(_troubles(_spells(way, driven)))
+    found = list(_troubles(_spells(way, driven))) if _may_be_trouble(way) else []
     if last_m is not None and (passes := _passing(way, last_m - ahead_m)) is not None:
         found = sorted([*found, passes], key=lambda each: each.time_s)
     kept, left_out = found[:MOST_EVENTS], max(len(found) - MOST_EVENTS, 0)
     if arrived:
         kept.append(Event(EventName.ARRIVES, float(way.time_s[-1]), float(way.motion.x_m[-1])))
     return kept, left_out
+
+
+def _may_be_trouble(way: Way) -> bool:
+    """Whether it is slow, or goes back, for half a second in one go: seldom so, and quickly seen."""
+    forwards = np.flatnonzero(way.motion.speed_m_s > SLOW_M_S)
+    if not forwards.size:
+        return True
+    time = way.time_s
+    gaps = np.flatnonzero(forwards[1:] - forwards[:-1] > 1)
+    inside = bool((time[forwards[gaps + 1]] - time[forwards[gaps]] >= SLIDES_AFTER_S).any())
+    return inside or bool(time[forwards[0]] >= SLIDES_AFTER_S or time[-1] - time[forwards[-1]] >= SLIDES_AFTER_S)
 
 
 def _troubles(spells: Iterator[_Spell]) -> Iterator[Event]:
@@ -101,8 +112,9 @@ def _troubles(spells: Iterator[_Spell]) -> Iterator[Event]:
 
 def _spells(way: Way, driven: npt.NDArray[np.bool_]) -> Iterator[_Spell]:
     speed, x, time = way.motion.speed_m_s, way.motion.x_m, way.time_s
-    slow = np.where(driven, _Goes.SLOWLY, _Goes.IDLY)
-    goes = np.where(speed > SLOW_M_S, _Goes.FORWARDS, np.where(speed < -SLOW_M_S, _Goes.BACK, slow))
+    goes = np.where(driven, int(_Goes.SLOWLY), int(_Goes.IDLY))
+    goes[speed > SLOW_M_S] = _Goes.FORWARDS
+    goes[speed < -SLOW_M_S] = _Goes.BACK
     changes = np.flatnonzero(goes[1:] != goes[:-1]) + 1
     began, place = float(time[0]), float(x[0])
     now = _Goes(int(goes[0]))

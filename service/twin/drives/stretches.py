@@ -9,13 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from service.learning.domain import FIELDS, JOINT, Domain, DomainReason, DomainVerdict
+from service.learning.neighbourhood import Neighbourhood
 from service.physics.scenario import Array
 from service.physics.similarity import torque_ratio_of
 from service.twin.drives.question import Told
 from service.twin.drives.way import Way
 
 MOST_STRETCHES = 100
-_JOINT_EVERY = 5  # own times: a quarter of a second
+_JOINT_EVERY = 10  # own times: half a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,15 +62,14 @@ def domain_of(domain: Domain, mass_kg: float, way: Way, told: Told, slope_deg: A
     Slope, mass, torque and horizon are judged as those of a scenario are, each by itself, and together as long as all
     wheels are free to turn.
     """
-    values = _values(domain, mass_kg, way, told, slope_deg)
-    names = (*FIELDS, JOINT)
-    spans = [domain.spans[field] for field in FIELDS]
-    limit = domain.neighbourhood.limit if domain.neighbourhood is not None else np.inf
-    lowest, highest = np.array([*spans, (0.0, limit)]).T[:, :, None]
-    outside = (values < lowest) | (values > highest)
-    if not outside.any():
+    if _all_inside(domain, mass_kg, way, told, slope_deg):
         whole = Stretch(float(way.motion.x_m[0]), float(way.motion.x_m[-1]), 0.0, float(way.time_s[-1]), ())
         return DriveDomain(True, (whole,), 0)
+    values = _values(domain, mass_kg, way, told, slope_deg)
+    names = (*FIELDS, JOINT)
+    limit = domain.neighbourhood.limit if domain.neighbourhood is not None else np.inf
+    lowest, highest = np.array([*(domain.spans[field] for field in FIELDS), (0.0, limit)]).T[:, :, None]
+    outside = (values < lowest) | (values > highest)
     if len(way.time_s) > 1:
         outside[:, -1] = outside[:, -2]  # nothing begins at the end
     changes = np.flatnonzero((outside[:, 1:] != outside[:, :-1]).any(axis=0)) + 1
@@ -87,6 +87,23 @@ def domain_of(domain: Domain, mass_kg: float, way: Way, told: Told, slope_deg: A
     return DriveDomain(False, tuple(found), max(len(ends) - 1 - MOST_STRETCHES, 0))
 
 
+def _all_inside(domain: Domain, mass_kg: float, way: Way, told: Told, slope_deg: Array) -> bool:
+    """Whether nothing is ever outside: mostly so, and seen from the extremes."""
+    free = told.torque_nm[~told.brake] if told.brake.any() else told.torque_nm
+    seen = {"slope_deg": slope_deg, "torque_nm": free, "horizon_s": way.time_s[-1:], "mass_kg": np.array([mass_kg])}
+    spans = domain.spans
+    for field, values in seen.items():
+        if values.size and not spans[field][0] <= values.min() <= values.max() <= spans[field][1]:
+            return False
+    if free.size:
+        extremes = np.array([free.min(), free.max()])
+        ratios = torque_ratio_of(domain.rover, domain.regolith, np.full(2, mass_kg), extremes)
+        if not spans["torque_ratio"][0] <= ratios[0] <= ratios[1] <= spans["torque_ratio"][1]:
+            return False
+    known = domain.neighbourhood
+    return known is None or bool((_joint(known, mass_kg, told, slope_deg)[1] <= known.limit).all())
+
+
 def _values(domain: Domain, mass_kg: float, way: Way, told: Told, slope_deg: Array) -> Array:
     """What is judged, (field, time) in the order of FIELDS, then the joint distance; locked wheels are inside."""
     count = len(way.time_s)
@@ -95,16 +112,21 @@ def _values(domain: Domain, mass_kg: float, way: Way, told: Told, slope_deg: Arr
     values = np.stack([slope_deg, mass, told.torque_nm, ratio, way.time_s, np.zeros(count)])
     for row, field in enumerate(FIELDS):
         if field.startswith("torque"):
-            low, high = domain.spans[field]
-            values[row, told.brake] = low if low <= high else high
-    known = domain.neighbourhood
-    if known is not None:
-        rows = np.flatnonzero(_looked_at(told))
-        places = known.places_of(slope_deg[rows], mass[rows], told.torque_nm[rows])
-        distances = known.nearest_many(places, 1)[1][:, 0]
-        distances[told.brake[rows]] = 0.0
+            values[row, told.brake] = domain.spans[field][0]
+    if domain.neighbourhood is not None:
+        rows, distances = _joint(domain.neighbourhood, mass_kg, told, slope_deg)
         values[-1] = distances[np.searchsorted(rows, np.arange(count), side="right") - 1]
     return values
+
+
+def _joint(known: Neighbourhood, mass_kg: float, told: Told, slope_deg: Array) -> tuple[npt.NDArray[np.intp], Array]:
+    """Joint distances at some of the times, and which: each holds until the next; 0 under the brake."""
+    rows = np.flatnonzero(_looked_at(told))
+    distances = known.least_distances(
+        known.places_of(slope_deg[rows], np.full(len(rows), mass_kg), told.torque_nm[rows])
+    )
+    distances[told.brake[rows]] = 0.0
+    return rows, distances
 
 
 def _looked_at(told: Told) -> npt.NDArray[np.bool_]:

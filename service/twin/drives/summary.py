@@ -92,12 +92,14 @@ def motor_energy_j(rover: RoverParameters, way: Way, told: Told) -> float:
     """
     each = 0.5 * rover.wheels
     wheels = np.stack([way.motion.front_wheel_rad_s, way.motion.rear_wheel_rad_s])
-    share = np.clip(1.0 - wheels / rover.no_load_speed_rad_s, 0.0, 1.0)
-    power = each * (share * wheels).sum(axis=0)  # per N m of stall torque
-    torque = told.torque_nm[:-1]
-    fresh = np.concatenate([[True], torque[1:] != torque[:-1]]) if len(torque) else np.empty(0, dtype=np.bool_)
-    first = np.where(fresh, power[1:], power[:-1])
-    return float((0.5 * torque * (first + power[1:]) * np.diff(way.time_s)).sum())
+    share = np.minimum(np.maximum(1.0 - wheels / rover.no_load_speed_rad_s, 0.0), 1.0)
+    power = (share * wheels).sum(axis=0)  # of one wheel of each axle, per N m of stall torque
+    torque, last, steps = told.torque_nm[:-1], power[1:], way.time_s[1:] - way.time_s[:-1]
+    fresh = np.flatnonzero(torque[1:] != torque[:-1]) + 1
+    first = power[:-1].copy()
+    for rows in (slice(0, 1), fresh):
+        first[rows] = last[rows]
+    return float(each * np.dot(torque * steps, 0.5 * (first + last)))
 
 
 def distance_m(way: Way) -> float:

@@ -19,7 +19,7 @@ OWN_STEP_S = 0.05
 
 _FEWEST_STEPS = 40
 _FIRST_STRETCH_S = 10.0  # of a drive that ends somewhere unknown; each further one is as long as all before
-_HALVINGS = 45
+_HALVINGS = 34
 _LOOKS = 65  # within the step in which a rover arrives
 
 

@@ -116,7 +116,7 @@ class DriveSubject:
     def stage(self) -> Stage:
         """The world in both frames, since a track bends; the rover's pitch is the slope under its middle."""
         drive, twin = self.drive, self.loaded.twin
-        across, up = drive.world_m
+        across, up = drive.world_m()
         told = drive.position_names if drive.frame is Frame.WORLD else ()
         doc = (
             f"{twin.name}@{twin.version}: rear wheel's centre of a rover on a track; columns in the {drive.frame} frame"

@@ -57,13 +57,14 @@ class Drive:
     """One drive. `trajectory` maps names to columns (time,): time_s, x_m, y_m (world frame: z_m), speed_m_s, slope_deg,
     torque_nm, brake (bool), slip_ratio, on request rear_wheel_speed_rad_s and front_wheel_speed_rad_s.
 
-    `world_m` are horizontal and up in both frames, (time,) each. `events_left_out` counts those beyond a hundred.
+    `along_m` are the positions in the slope frame whatever the frame is, (time,) each. `events_left_out` counts those
+    beyond a hundred.
     """
 
     question: DriveQuestion
     frame: Frame
     trajectory: dict[str, Column]
-    world_m: tuple[Array, Array]
+    along_m: tuple[Array, Array]
     events: tuple[Event, ...]
     events_left_out: int
     summary: DriveSummary
@@ -74,6 +75,12 @@ class Drive:
     def position_names(self) -> tuple[str, str]:
         """The two columns of the trajectory that say where the rover is."""
         return ("x_m", "y_m") if self.frame is Frame.SLOPE else ("x_m", "z_m")
+
+    def world_m(self) -> tuple[Array, Array]:
+        """Horizontal and up, (time,) each, whatever the frame is."""
+        if self.frame is Frame.WORLD:
+            return self.trajectory["x_m"], self.trajectory["z_m"]
+        return self.question.ground.world(*self.along_m)
 
 
 def drive(twin: Twin, question: DriveQuestion, wanted: Wanted) -> Drive:
@@ -111,17 +118,17 @@ class _Answer:
             self._own, self._told = own, Told.at(self._question.controls, own.time_s)
             if not all(np.isfinite(column).all() for column in (own.motion.x_m, own.motion.y_m, own.motion.speed_m_s)):
                 raise self._not_finite()
-            trajectory, world = self._columns(shown)
+            trajectory = self._columns(shown)
             ground = self._question.ground
             last = ground.last_m if len(ground.distance_m) > 1 else None
             events, left_out = events_of(own, self._told.driven, self._ahead_m, last, arrived is not None)
-            slopes = ground.slopes_at(own.motion.x_m + self._ahead_m)
+            slopes = trajectory["slope_deg"] if shown is own else self._slopes_deg(own)
             band = self._band(shown) if self._wanted.band else None
             found = Drive(
                 question=self._question,
                 frame=self._wanted.frame,
                 trajectory=trajectory,
-                world_m=world,
+                along_m=(shown.motion.x_m, shown.motion.y_m),
                 events=tuple(events),
                 events_left_out=left_out,
                 summary=self._summary(shown, arrived),
@@ -139,30 +146,35 @@ class _Answer:
         times = own if shown is own else np.union1d(own, shown)
         if question.until_distance_m is None:
             way = self._rover.at(times)
-            return way.rows(shown), way.rows(own), None
+            own_way = way.rows(own)
+            return own_way if shown is own else way.rows(shown), own_way, None
         way, arrived = self._rover.until(question.until_distance_m, times)
         if arrived is None:
             return way.rows(shown), way.rows(own), None
         shown, own = (np.append(each[each < arrived], arrived) for each in (shown, own))
         return way.rows(shown), way.rows(own), arrived
 
-    def _columns(self, way: Way) -> tuple[dict[str, Column], tuple[Array, Array]]:
+    def _columns(self, way: Way) -> dict[str, Column]:
         motion, rover, frame = way.motion, self._rover.driver.prior.rover, self._wanted.frame
-        told = Told.at(self._question.controls, way.time_s)
-        world = self._question.ground.world(motion.x_m, motion.y_m)
-        where = {"x_m": motion.x_m, "y_m": motion.y_m} if frame is Frame.SLOPE else {"x_m": world[0], "z_m": world[1]}
+        told = self._told if way is self._own else Told.at(self._question.controls, way.time_s)
+        where = {"x_m": motion.x_m, "y_m": motion.y_m}
+        if frame is Frame.WORLD:
+            where = dict(zip(("x_m", "z_m"), self._question.ground.world(motion.x_m, motion.y_m), strict=True))
         rear, front = motion.rear_wheel_rad_s, motion.front_wheel_rad_s
         columns: dict[str, Column] = {
             "time_s": way.time_s,
             **where,
             "speed_m_s": motion.speed_m_s,
-            "slope_deg": self._question.ground.slopes_at(motion.x_m + self._ahead_m),
+            "slope_deg": self._slopes_deg(way),
             "torque_nm": told.torque_nm,
             "brake": told.brake,
             "slip_ratio": slip_ratios(rover.wheel_radius_m, motion.speed_m_s, rear, front),
         }
         wheels: dict[str, Column] = {"rear_wheel_speed_rad_s": rear, "front_wheel_speed_rad_s": front}
-        return columns | (wheels if self._wanted.wheel_speed else {}), world
+        return columns | (wheels if self._wanted.wheel_speed else {})
+
+    def _slopes_deg(self, way: Way) -> Array:
+        return self._question.ground.slopes_at(way.motion.x_m + self._ahead_m)
 
     @cached_property
     def _meeting(self) -> Meeting:
@@ -180,8 +192,8 @@ class _Answer:
         own, ground = self._own, self._question.ground
         chances = self._chances()
         arrival = self._arrival(arrived)
-        middle = own.motion.x_m + self._ahead_m
-        slope, place = ground.steepest(float(middle.min()), float(middle.max()))
+        x = own.motion.x_m
+        slope, place = ground.steepest(float(x.min()) + self._ahead_m, float(x.max()) + self._ahead_m)
         return DriveSummary(
             outcome=numbers.outcome_of(own, self._told) if chances is None else _likeliest(chances),
             probabilities=chances,
@@ -249,7 +261,7 @@ class _Answer:
             until = min(2.0 * until, horizon)
 
     def _require_finite(self, found: Drive) -> None:
-        columns: list[Column] = [*found.trajectory.values(), *found.world_m]
+        columns: list[Column] = list(found.trajectory.values())
         columns += [] if found.band is None else found.band.columns().values()
         scalars = (found.summary.motor_energy_j, found.summary.distance_m, found.summary.mean_speed_m_s)
         if not (all(np.isfinite(each).all() for each in columns) and np.isfinite(scalars).all()):
