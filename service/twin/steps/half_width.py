@@ -20,15 +20,16 @@ from service.physics.scenario import Array
 from service.physics.similarity import torque_ratio_of
 
 HALF_WIDTH_LEVEL = 0.9
-CARRIED = 6
+CARRIED = 7
 """Numbers that a rover carries for its half-width."""
 
 PART_S = 0.5
 """The longest time in one go: for so long a scale, and how fast differences of speed die away, are taken to hold."""
 
 # How far and how much faster a rover with UNIT_OFFSET more resistance would be; sums, over the time in which it rolled,
-# of scale times time and of time; the scale there, and when it was looked up.
-_SHIFT, _FASTER, _SCALES, _ROLLED, _SCALE, _LOOKED = range(CARRIED)
+# of scale times time and of time; the last scale, when it was looked up to hold for the time until then, and how long
+# the rover has rolled since.
+_SHIFT, _FASTER, _SCALES, _ROLLED, _SCALE, _LOOKED, _SINCE = range(CARRIED)
 _MOST_UNITS = LARGEST_ERROR / UNIT_OFFSET
 _DUE_S = (1.0 - 1e-9) * PART_S
 _LEAST, _MOST, _SMALL = -1.0, 700.0, 1e-4  # of rate times time
@@ -49,9 +50,7 @@ class HalfWidths:
     @staticmethod
     def begun(count: int) -> Array:
         """What rovers carry at the start."""
-        carried = np.zeros((count, CARRIED))
-        carried[:, _LOOKED] = -1.0  # never
-        return carried
+        return np.zeros((count, CARRIED))
 
     def carry(
         self, carried: Array, rate_per_s: Array, time_s: Array, mass_kg: Array, inputs: Array, speed_m_s: Array
@@ -69,20 +68,23 @@ class HalfWidths:
         faster, gained = carried[:, _FASTER], self._pull_m_s2 * dt
         carried[:, _SHIFT] += (faster * once + gained * twice) * dt
         carried[:, _FASTER] = faster * (1.0 - exponent * once) + gained * once
-        looked = carried[:, _LOOKED]
-        due = np.flatnonzero((looked < 0.0) | (time_s >= looked + _DUE_S))
-        if due.size:
-            carried[due, _SCALE] = self._scales(due, mass_kg, inputs, speed_m_s)
-            carried[due, _LOOKED] = time_s[due]
-        rolled = np.where(inputs[2] == 0.0, dt, 0.0)
-        carried[:, _SCALES] += carried[:, _SCALE] * rolled
-        carried[:, _ROLLED] += rolled
+        carried[:, _SINCE] += np.where(inputs[2] == 0.0, dt, 0.0)
+        due = time_s >= carried[:, _LOOKED] + _DUE_S
+        rows = np.flatnonzero(due | (carried[:, _ROLLED] == 0.0))
+        if rows.size:
+            carried[rows, _SCALE] = self._scales(rows, mass_kg, inputs, speed_m_s)
+            rows = np.flatnonzero(due)
+            rolled = carried[rows, _SINCE]
+            carried[rows, _SCALES] += carried[rows, _SCALE] * rolled
+            carried[rows, _ROLLED] += rolled
+            carried[rows, _SINCE] = 0.0
+            carried[rows, _LOOKED] = time_s[rows]
 
     def _carry_one(
         self, carried: Array, rate_per_s: float, time_s: float, mass_kg: Array, inputs: Array, speed_m_s: Array
     ) -> None:
         """The same in plain numbers, which for one rover are ten times faster than arrays."""
-        shift, faster, scales, rolled, scale, looked = carried[0].tolist()
+        shift, faster, scales, rolled, scale, looked, since = carried[0].tolist()
         brake, dt = float(inputs[2, 0]), float(inputs[3, 0])
         exponent = min(max(rate_per_s * dt, _LEAST), _MOST)
         if abs(exponent) < _SMALL:
@@ -93,12 +95,13 @@ class HalfWidths:
         gained = self._pull_m_s2 * dt
         shift += (faster * once + gained * twice) * dt
         faster = faster * (1.0 - exponent * once) + gained * once
-        if looked < 0.0 or time_s >= looked + _DUE_S:
+        since += dt if brake == 0.0 else 0.0
+        due = time_s >= looked + _DUE_S
+        if due or rolled == 0.0:
             scale = float(self._scales(np.zeros(1, dtype=np.intp), mass_kg, inputs, speed_m_s)[0])
-            looked = time_s
-        if brake == 0.0:
-            scales, rolled = scales + scale * dt, rolled + dt
-        carried[0] = (shift, faster, scales, rolled, scale, looked)
+        if due:
+            scales, rolled, since, looked = scales + scale * since, rolled + since, 0.0, time_s
+        carried[0] = (shift, faster, scales, rolled, scale, looked, since)
 
     def _scales(self, rows: npt.NDArray[np.intp], mass_kg: Array, inputs: Array, speed_m_s: Array) -> Array:
         mass = mass_kg[rows]
@@ -107,8 +110,18 @@ class HalfWidths:
 
     def at(self, carried: Array, time_s: Array, x_m: Array) -> Array:
         """The half-widths, m."""
+        if len(carried) == 1:
+            return np.array([self._at_one(carried[0].tolist(), time_s, x_m)])
         rolled = carried[:, _ROLLED]
         ever = rolled > 0.0
         times = self._factor * np.where(ever, carried[:, _SCALES] / np.where(ever, rolled, 1.0), carried[:, _SCALE])
         shift = np.minimum(times, _MOST_UNITS) * np.abs(carried[:, _SHIFT])
         return np.asarray(shift + times * remainder_m(time_s, x_m))
+
+    def _at_one(self, carried: list[float], time_s: Array, x_m: Array) -> float:
+        """The same in plain numbers."""
+        rolled = carried[_ROLLED]
+        times = self._factor * (carried[_SCALES] / rolled if rolled > 0.0 else carried[_SCALE])
+        return min(times, _MOST_UNITS) * abs(carried[_SHIFT]) + times * float(
+            remainder_m(np.float64(time_s), np.float64(x_m))
+        )

@@ -110,7 +110,7 @@ class Fleet:
             who = aliases.get(id(live.twin)) or Loaded(live.twin, None)
             groups.append(self._advance(live, who, question, rows, failures))
         self.remove(question.remove)
-        by_place = question.failures | {question.places[row]: error for row, error in failures.items()}
+        by_place = {**question.failures} | {question.places[row]: error for row, error in failures.items()}
         return Stepped([each for each in groups if len(each.ids)], by_place)
 
     def remove(self, ids: Iterable[str]) -> None:

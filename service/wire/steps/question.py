@@ -21,7 +21,8 @@ from service.wire.prediction import PredictionInputs
 
 MAX_ROVERS = 10_000
 MOST_START_SPEED_M_S = 5.0
-_LONGEST_ID, _LONGEST_STATE = 100, 8192
+LONGEST_ID = 100
+_LONGEST_STATE = 8192
 _MODEL = PredictionInputs.model_fields["model"]
 
 
@@ -48,7 +49,7 @@ class RoverStep(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
-    id: Annotated[str, Field(min_length=1, max_length=_LONGEST_ID, description="Any name; comes back with the answer.")]
+    id: Annotated[str, Field(min_length=1, max_length=LONGEST_ID, description="Any name; comes back with the answer.")]
     state: Annotated[
         str | SkipJsonSchema[None],
         Field(
@@ -142,6 +143,14 @@ class _Shared(BaseModel):
 
 ROVER_WORDS: Mapping[str, str] = allowed_fields(RoverStep.model_json_schema())
 """What each field of a rover allows."""
+ROVER_RANGES: Mapping[str, tuple[float, float]] = {
+    "slope_deg": (-LIMITS.slope_deg, LIMITS.slope_deg),
+    "torque_nm": LIMITS.torque_nm,
+    "dt_s": LIMITS.dt_s,
+    "mass_kg": LIMITS.mass_kg,
+    "start_speed_m_s": (-MOST_START_SPEED_M_S, MOST_START_SPEED_M_S),
+}
+"""Lowest and highest of each number of a rover and its start."""
 STEPS_WORDS: Mapping[str, str] = {
     **ROVER_WORDS,
     "model": allowed_fields(StepsBody.model_json_schema())["model"],
@@ -171,7 +180,7 @@ class StepsQuestion:
     start_speed_m_s: Array
     places: Sequence[int]
     sent_ids: Sequence[object]
-    failures: dict[int, Exception]
+    failures: Mapping[int, Exception]
     model: str | None = None
     remove: Sequence[str] = ()
     with_state: bool = True
@@ -230,6 +239,21 @@ def read_steps(document: object, *, live: bool = False, most: int = MAX_ROVERS) 
     )
 
 
+def checked_model(reference: str) -> str:
+    """A reference to a model as it came from elsewhere than JSON. Raises InvalidInputError."""
+    return _read_shared({"model": reference}).model or ""
+
+
+def why_refused(rover: dict[str, Any], known: set[str]) -> InvalidInputError:
+    """What is wrong with one rover that cannot be; `known` are the ids of those before it."""
+    good, failures = _checked([rover], live=False)
+    if failures:
+        return failures[0]
+    if good[0].id in known:
+        return InvalidInputError(_wrong_together(good[0], known, live=False) or _none(rover))
+    return InvalidInputError(fault("start", {}, "nothing beside a state: a rover begins or goes on"))
+
+
 def state_text(state: bytes) -> str:
     """A state as text."""
     return binascii.b2a_base64(state, newline=False).decode("ascii")
@@ -252,7 +276,7 @@ def _read_shared(document: Mapping[str, Any]) -> _Shared:
         raise InvalidInputError(*faults_of(errors, STEPS_WORDS)) from error
 
 
-def _checked(sent: list[Any], *, live: bool) -> tuple[dict[int, RoverStep], dict[int, Exception]]:
+def _checked(sent: list[Any], *, live: bool) -> tuple[dict[int, RoverStep], dict[int, InvalidInputError]]:
     """The rovers that can be, by their place, and what is wrong with the others."""
     try:
         good, failures = dict(enumerate(_steps.validate_python(sent))), {}
@@ -269,7 +293,7 @@ def _checked(sent: list[Any], *, live: bool) -> tuple[dict[int, RoverStep], dict
     return good, failures
 
 
-def _failures(error: ValidationError, sent: list[Any]) -> dict[int, Exception]:
+def _failures(error: ValidationError, sent: list[Any]) -> dict[int, InvalidInputError]:
     errors: dict[int, list[Any]] = defaultdict(list)
     for each in error.errors(include_url=False):
         errors[int(each["loc"][0])].append(each)
