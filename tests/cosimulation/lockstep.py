@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -108,36 +109,43 @@ class FmuPeer:
         return x_m, speed_m_s
 
 
-def cells(controls: Iterable[Told], until_s: float) -> Iterator[tuple[Told, float]]:
-    """The engine's cells of time under controls, and how long each is (s)."""
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What acts for `dt_s`. `looks_s` is how far ahead the slope is looked up: half the engine's cell of time."""
+
+    told: Told
+    dt_s: float
+    looks_s: float
+
+
+def cells(controls: Iterable[Told], until_s: float) -> Iterator[Step]:
+    """The engine's cells of time under controls; the last one before a change is cut short by it."""
     told = list(controls)
     for each, end in zip(told, [*(later.time_s for later in told[1:]), until_s], strict=True):
-        whole = end - each.time_s
-        starts = [at * EARLY_CELL_S for at in range(round(EARLY_S / EARLY_CELL_S))]
-        starts += list(np.arange(EARLY_S, whole - 1e-9, CELL_S))
-        ends = [*starts[1:], starts[-1] + CELL_S]
-        for start, stop in zip(starts, ends, strict=True):
-            parts = BRAKED_PARTS if each.brake else 1
+        whole, parts = end - each.time_s, BRAKED_PARTS if each.brake else 1
+        early = round(EARLY_S / EARLY_CELL_S)
+        borders = [at * EARLY_CELL_S for at in range(early)] + list(np.arange(EARLY_S, whole + CELL_S, CELL_S))
+        for start, stop in pairwise(borders):
+            cell_s = (stop - start) / parts
             for part in range(parts):
-                first = start + (stop - start) * part / parts
-                last = min(start + (stop - start) * (part + 1) / parts, whole)
-                if last - first > 1e-9:
-                    yield each, last - first
+                dt_s = min(cell_s, whole - (start + part * cell_s))
+                if dt_s > 1e-9:
+                    yield Step(each, dt_s, 0.5 * cell_s)
 
 
-def evenly(controls: Iterable[Told], until_s: float, dt_s: float) -> Iterator[tuple[Told, float]]:
+def evenly(controls: Iterable[Told], until_s: float, dt_s: float, looks_s: float) -> Iterator[Step]:
     """Steps of one length; controls act from the first step on that begins when they are told, or later."""
     told = list(controls)
     for at in range(round(until_s / dt_s)):
-        yield [each for each in told if each.time_s <= at * dt_s + 1e-9][-1], dt_s
+        yield Step([each for each in told if each.time_s <= at * dt_s + 1e-9][-1], dt_s, looks_s)
 
 
-def ride(peer: Peer, terrain: Terrain, steps: Iterable[tuple[Told, float]], look_ahead: bool = True) -> Array:
-    """Positions (step,) at the end of each step; without `look_ahead` the slope is that at the step's beginning."""
+def ride(peer: Peer, terrain: Terrain, steps: Iterable[Step]) -> Array:
+    """Positions (step,) at the end of each step."""
     x_m = speed_m_s = 0.0
     found = []
-    for told, dt_s in steps:
-        middle_m = x_m + (0.5 * speed_m_s * dt_s if look_ahead else 0.0) + AHEAD_M
-        x_m, speed_m_s = peer.step(terrain.under(middle_m), told.torque_nm, told.brake, dt_s)
+    for step in steps:
+        slope_deg = terrain.under(x_m + speed_m_s * step.looks_s + AHEAD_M)
+        x_m, speed_m_s = peer.step(slope_deg, step.told.torque_nm, step.told.brake, step.dt_s)
         found.append(x_m)
     return np.array(found)

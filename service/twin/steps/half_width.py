@@ -122,6 +122,4 @@ class HalfWidths:
         """The same in plain numbers."""
         rolled = carried[_ROLLED]
         times = self._factor * (carried[_SCALES] / rolled if rolled > 0.0 else carried[_SCALE])
-        return min(times, _MOST_UNITS) * abs(carried[_SHIFT]) + times * float(
-            remainder_m(np.float64(time_s), np.float64(x_m))
-        )
+        return min(times, _MOST_UNITS) * abs(carried[_SHIFT]) + times * float(remainder_m(time_s, x_m)[0])
