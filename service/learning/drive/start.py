@@ -44,6 +44,11 @@ class StartSpeeds:
         bumps = _bumps(np.clip(slope_rad, *self.slope_rad), np.clip(mass_kg, *self.mass_kg))
         return np.asarray((bumps * self.weights).sum(axis=1))  # a matrix product rounds by how many are asked
 
+    @staticmethod
+    def bumps() -> tuple[Array, Array, tuple[float, float]]:
+        """Where bumps lie (slope in degrees, ln(mass / 550 kg)) and the lengths of both; weights go by slope, mass."""
+        return _SLOPES_DEG, _LOG_MASSES, (_SLOPE_LENGTH_DEG, _MASS_LENGTH)
+
 
 def bump_count() -> int:
     """How many weights there are."""
