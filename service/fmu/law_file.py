@@ -58,7 +58,8 @@ def _at(address: int, count: int) -> Array:
 
 
 def _release_speeds(model: DriveModel) -> Array:
-    starts = model.starts
-    slopes, masses, lengths = starts.bumps()
-    head = [len(slopes), len(masses), *lengths, *starts.slope_rad, *starts.mass_kg]
-    return np.concatenate([head, slopes, masses, starts.weights])
+    release = model.starts.compiled()
+    slopes, masses = release.slopes, release.masses
+    head = [slopes, masses, release.slope_length_deg, release.mass_length, *release.slope_rad, *release.mass_kg]
+    parts = (release.slope_deg, slopes), (release.log_mass, masses), (release.weights, slopes * masses)
+    return np.concatenate([head, *(_at(*part) for part in parts)])

@@ -1,7 +1,6 @@
 #include <string.h>
 
 #include "fmu.h"
-#include "law.h"
 #include "system.h"
 
 static const double radians = 3.14159265358979323846 / 180.0, no_stop_s = 1e300;
@@ -67,9 +66,9 @@ static void show(fmu *instance, const double *outputs)
 static void place_rover(const fmu *instance, rover_state *to)
 {
     const double *values = instance->state.values;
-    double speed = values[FMU_START_SPEED];
+    double slope = values[FMU_SLOPE] * radians, speed = values[FMU_START_SPEED];
     if (values[FMU_PARKED] != 0.0)
-        speed = fmu_release_speed(&instance->law, values[FMU_SLOPE] * radians, values[FMU_MASS]);
+        rover_release_speeds(&instance->law.release, 1, &slope, &values[FMU_MASS], &speed);
     rover_start(&instance->law.law, values[FMU_MASS], speed, to);
 }
 

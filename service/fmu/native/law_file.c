@@ -1,7 +1,5 @@
-#include <math.h>
 #include <string.h>
 
-#include "law.h"
 #include "law_file.h"
 #include "system.h"
 
@@ -71,7 +69,7 @@ static void take_law(cursor *from, rover_law *law)
     law->heights = take(from, ROVER_HEIGHTS);
 }
 
-static void take_release(cursor *from, fmu_release_speeds *release)
+static void take_release(cursor *from, rover_release *release)
 {
     release->slopes = count(from, 1);
     release->masses = count(from, 1);
@@ -116,25 +114,6 @@ void fmu_law_end(fmu_law *law)
 {
     fmu_free(law->content);
     law->content = NULL;
-}
-
-static double bump(double distance)
-{
-    return rover_exp(-0.5 * (distance * distance));
-}
-
-double fmu_release_speed(const fmu_law *law, double slope_rad, double mass_kg)
-{
-    const fmu_release_speeds *r = &law->release;
-    const double degrees = 180.0 / 3.14159265358979323846;
-    double slope = rover_held(slope_rad, r->slope_rad[0], r->slope_rad[1]) * degrees;
-    double mass = rover_held(mass_kg, r->mass_kg[0], r->mass_kg[1]);
-    double log_mass = log(mass / 550.0), sum = 0.0;
-    for (int64_t i = 0; i < r->slopes; i++)
-        for (int64_t k = 0; k < r->masses; k++)
-            sum += bump((slope - r->slope_deg[i]) / r->slope_length_deg)
-                * bump((log_mass - r->log_mass[k]) / r->mass_length) * r->weights[i * r->masses + k];
-    return sum;
 }
 
 uint32_t fmu_checksum(const void *content, size_t bytes)
