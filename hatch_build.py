@@ -69,8 +69,8 @@ LIBRARIES = tuple(
         "x86_64-windows.dll": "x86_64-windows-gnu",  # takes longest
         "x86_64-linux.so": "x86_64-linux-gnu.{}.{}".format(*GLIBC),
         "aarch64-linux.so": "aarch64-linux-gnu.{}.{}".format(*GLIBC),
-        "x86_64-darwin.dylib": "x86_64-macos",
-        "aarch64-darwin.dylib": "aarch64-macos",
+        "x86_64-darwin.dylib": "x86_64-macos.11.0",
+        "aarch64-darwin.dylib": "aarch64-macos.11.0",
     }.items()
 )
 

@@ -38,6 +38,7 @@ from service.api.v1 import (
     aliases,
     batch,
     datasets,
+    fmu,
     mobility,
     models,
     predictions,
@@ -161,7 +162,7 @@ def _assemble(
     app.include_router(predictions.router)  # first, for a request is compared with one address after the other
     app.include_router(batch.router)
     docs.install(app)
-    for resource in (inference, mobility, models, suggested_runs, health, metrics, datasets, training_jobs):
+    for resource in (inference, mobility, models, fmu, suggested_runs, health, metrics, datasets, training_jobs):
         app.include_router(resource.router)
     for router in (aliases.reading, aliases.moving):
         app.include_router(router)

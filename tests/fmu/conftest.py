@@ -6,6 +6,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
+import fmpy
 import pytest
 
 from model_store import ModelStore
@@ -13,7 +14,6 @@ from service.fmu import Fmi, fmu_bytes
 from service.settings import Settings
 from service.twin import Twin
 from service.twin.load import load_twin
-
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,6 @@ def engine(twin):
 
 @pytest.fixture(scope="session", params=list(Fmi), ids=["fmi2", "fmi3"])
 def made(request, twin, tmp_path_factory) -> Made:
-    import fmpy
-
     root = tmp_path_factory.mktemp("fmu")
     archive, folder = root / "viper.fmu", root / "Mond & Größe 月 100% #1"
     archive.write_bytes(fmu_bytes(twin, request.param))

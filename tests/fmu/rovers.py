@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from fmpy import read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
@@ -108,15 +109,13 @@ class Rover:
     def refusal(self, call, *arguments, **named):
         """What is logged of a call that must give an error."""
         before = len(self.said)
-        try:
+        with pytest.raises(FMICallException) as refused:
             call(*arguments, **named)
-        except FMICallException as error:
-            assert error.status == ERROR
-            assert len(self.said) == before + 1
-            status, message = self.said[-1]
-            assert status == ERROR
-            return message
-        raise AssertionError("it was not refused")
+        assert refused.value.status == ERROR
+        assert len(self.said) == before + 1
+        status, message = self.said[-1]
+        assert status == ERROR
+        return message
 
     def close(self):
         """Frees the instance, not the library: other instances have it."""

@@ -12,7 +12,7 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from service.errors import InvalidValueError
-from service.fmu import Fmi, FmuCache, fmu_bytes
+from service.fmu import Fmi, FmuCache, fmu_bytes, tag_of
 from service.fmu.variables import VARIABLES
 from service.twin.load import load_twin
 
@@ -95,20 +95,26 @@ def test_tokens_differ_by_version_of_the_standard(twin):
 
 
 def test_only_versions_that_can_be_stepped(store):
-    with pytest.raises(InvalidValueError, match="viper-lunar-paper@1.*drive model"):
+    with pytest.raises(InvalidValueError, match=r"viper-lunar-paper@1.*drive model"):
         fmu_bytes(load_twin(store, "viper-lunar-paper", 1), Fmi.TWO)
 
 
-def test_the_cache_makes_each_once_and_keeps_few(twin):
+def test_the_cache_makes_each_once_and_keeps_few():
     asked = []
 
-    def load():
+    def make():
         asked.append(1)
-        return twin
+        return b"fmu"
 
-    cache = FmuCache(kept=1)
-    first = cache.get(twin.manifest, Fmi.TWO, load)
-    assert cache.get(twin.manifest, Fmi.TWO, load) is first
-    cache.get(twin.manifest, Fmi.THREE, load)
-    assert cache.known(twin.manifest, Fmi.TWO) is None
+    cache = FmuCache(kept=2)
+    assert [cache.get(tag, make) for tag in "aabab"] == [b"fmu"] * 5
     assert len(asked) == 2
+    cache.get("c", make)
+    assert cache.known("a") is None
+    assert cache.known("b") == b"fmu"
+
+
+def test_tags_tell_versions_and_standards_apart(store):
+    manifests = [store.manifest("viper-lunar", version) for version in store.versions("viper-lunar")]
+    tags = {tag_of(manifest, fmi) for manifest in manifests for fmi in Fmi}
+    assert len(tags) == 2 * len(manifests)

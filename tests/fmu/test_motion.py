@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import fmpy
 import numpy as np
@@ -162,7 +163,7 @@ def test_fmpy_simulates_it(made, engine):
         output=["x_m", "torque_nm"],
     )
     state = engine.start(550.0, 0.1)
-    for before, after in zip(found[:-1], found[1:], strict=True):
+    for before, after in pairwise(found):
         state, motion = by_engine(engine, state, 8.0, after["torque_nm"], False, after["time"] - before["time"])
         assert after["x_m"] == motion.x_m[0]
     assert len(found) == 101
