@@ -41,6 +41,7 @@ from service.api.v1 import (
     datasets,
     drive_batch,
     drives,
+    fmu,
     live,
     mobility,
     models,
@@ -174,7 +175,7 @@ def _assemble(
     app.include_router(steps.router)
     app.include_router(drive_batch.router)
     docs.install(app)
-    for resource in (inference, mobility, models, suggested_runs, health, metrics, datasets, training_jobs):
+    for resource in (inference, mobility, models, fmu, suggested_runs, health, metrics, datasets, training_jobs):
         app.include_router(resource.router)
     for router in (aliases.reading, aliases.moving):
         app.include_router(router)
