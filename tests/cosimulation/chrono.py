@@ -31,7 +31,9 @@ def chrono_drive(name: str) -> ChronoDrive:
     data = load_training_data(ModelStore.open(str(next(iter(model_store.__path__)))), ["drive"])
     run = next(each for each in data.runs if each.name == name)
     track, controls = track_of(run, data.rover), controls_of(run)
-    columns = zip(controls.time_s.tolist(), controls.torque_nm.tolist(), np.asarray(controls.brake).tolist(), strict=True)
+    columns = zip(
+        controls.time_s.tolist(), controls.torque_nm.tolist(), np.asarray(controls.brake).tolist(), strict=True
+    )
     return ChronoDrive(
         mass_kg=run.mass_kg,
         terrain=Terrain(track.distance_m, np.degrees(track.slope_rad)),

@@ -38,7 +38,8 @@ def main() -> None:
     figure = Figure(figsize=(8, 6), layout="constrained")
     above, middle, below = figure.subplots(3, 1, sharex=True, height_ratios=[3, 1, 1])
     assert drive.band is not None
-    above.fill_between(times, drive.band.x_lower_m, drive.band.x_upper_m, alpha=0.3, lw=0, label="90 % band of /v1/drives")
+    low, high = drive.band.x_lower_m, drive.band.x_upper_m
+    above.fill_between(times, low, high, alpha=0.3, lw=0, label="90 % band of /v1/drives")
     above.plot(run.time_s, run.x_m, "k", lw=1.5, label="Chrono")
     above.plot(times, x_m, "C1--", lw=1.5, label="FMU, stepped by FMPy")
     above.set_ylabel("position x (m)")

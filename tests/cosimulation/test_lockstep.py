@@ -35,7 +35,9 @@ def twin() -> LocalTwin:
     return load()
 
 
-def peers(url: str, twin: LocalTwin, mass_kg: float, slope_deg: float, folder: Path, stack: ExitStack) -> dict[str, Peer]:
+def peers(
+    url: str, twin: LocalTwin, mass_kg: float, slope_deg: float, folder: Path, stack: ExitStack
+) -> dict[str, Peer]:
     file = folder / "viper.fmu"
     file.write_bytes(fmu_bytes(twin.twin, Fmi.THREE))
     return {
