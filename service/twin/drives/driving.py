@@ -148,7 +148,7 @@ class _Answer:
             way = self._rover.at(times)
             own_way = way.rows(own)
             return own_way if shown is own else way.rows(shown), own_way, None
-        way, arrived = self._rover.until(question.until_distance_m, times)
+        way, arrived = self._rover.until(question.until_distance_m, times, own)
         if arrived is None:
             return way.rows(shown), way.rows(own), None
         shown, own = (np.append(each[each < arrived], arrived) for each in (shown, own))

@@ -53,11 +53,12 @@ class DriveQuestion:
     until_distance_m: float | None = None
 
     def __post_init__(self) -> None:
+        speed, distance = self.start_speed_m_s, self.until_distance_m
         for field, allowed, fits in (
             ("mass_kg", "positive and finite", 0 < self.mass_kg < math.inf),
             ("horizon_s", f"more than 0, up to {LONGEST_S:g}", 0 < self.horizon_s <= LONGEST_S),
-            ("until_distance_m", "more than 0 and finite", 0 < (self.until_distance_m or 1.0) < math.inf),
-            ("start_speed_m_s", "finite", math.isfinite(self.start_speed_m_s or 0.0)),
+            ("until_distance_m", "more than 0 and finite", distance is None or 0 < distance < math.inf),
+            ("start_speed_m_s", "finite", speed is None or math.isfinite(speed)),
         ):
             if not fits:
                 raise InvalidValueError(field, getattr(self, field), allowed)

@@ -67,10 +67,10 @@ class Rover:
         motion = self.at(time_s, offset).motion
         return Positions(motion.x_m[None], motion.y_m[None])
 
-    def until(self, distance_m: float, time_s: Array) -> tuple[Way, float | None]:
+    def until(self, distance_m: float, time_s: Array, own_s: Array) -> tuple[Way, float | None]:
         """The way until it first arrives at a distance (m), and when that is (s; None: not before the last time).
 
-        The way is at those of the times (rising from 0) before the arrival, and there.
+        The way is at those of the times (rising from 0, `own_times` among them) before the arrival, and there.
         """
         parts: list[Way] = []
         state, began, count = self.start, 0.0, 0
@@ -81,8 +81,8 @@ class Rover:
             reached = np.flatnonzero(part.motion.x_m >= distance_m)
             if reached.size:
                 at = int(reached[0])
-                before = part.time_s[at - 1] if at else began
-                arrival = self._arrival(state, began, (float(before), float(part.time_s[at])), distance_m)
+                end = int(np.searchsorted(own_s, part.time_s[at]))  # between own times: however it is sampled
+                arrival = self._arrival(state, began, (float(own_s[end - 1]), float(own_s[end])), distance_m)
                 parts += [_part(part, slice(at)), arrival]
                 return _joined(parts), float(arrival.time_s[0])
             parts.append(part)
