@@ -34,7 +34,7 @@ types: $(VENV)/.dev ## mypy, strict
 	@$(BIN)/mypy
 	@$(BIN)/mypy --strict clients/python
 
-sanitize: $(VENV)/.dev ## the engine's tests under AddressSanitizer and UndefinedBehaviorSanitizer (where gcc has them)
+sanitize: $(VENV)/.dev ## tests of engine and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer (where gcc has them)
 	@PYTEST=$(BIN)/pytest sh tests/learning/drive/sanitize $(ARGS)
 
 bench: $(VENV)/.dev ## how fast, beside its floors (some minutes); writes docs/performance.md
