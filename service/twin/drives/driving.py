@@ -216,7 +216,10 @@ class _Answer:
             return None
         times = self._own.time_s
         found = self._doubt.drive_probabilities(
-            lambda offset: self._rover.positions(times, offset), self._meeting, self._scales
+            lambda offset: self._rover.positions(times, offset),
+            self._meeting,
+            self._scales,
+            lambda offset, some: self._rover.at(some, offset).motion.x_m,
         )
         return Probabilities(*(float(found[each]) for each in (Class.CLIMBS, Class.STALLS, Class.SLIDES)))
 
