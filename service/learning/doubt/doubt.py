@@ -225,26 +225,40 @@ class Doubt:
         least = float(entropy(np.array([runs + 0.5, 0.5, 0.5]) / (runs + 1.5)))
         return np.asarray(scale * (_SURE_NATS + np.maximum(entropy(chances) - least, 0.0)))
 
-    def drive_probabilities(self, drive: OffsetDrive, meeting: Meeting, scales: Array | None = None) -> Array:
-        """Of passing, sticking and sliding at the end of a drive, (3,). `scales` as those of `drive_edges`."""
+    def drive_probabilities(
+        self,
+        drive: OffsetDrive,
+        meeting: Meeting,
+        scales: Array | None = None,
+        at: Callable[[float, Array], Array] | None = None,
+    ) -> Array:
+        """Of passing, sticking and sliding at the end of a drive, (3,). `scales` as those of `drive_edges`.
+
+        `at` gives the x that the drive with an offset has at some of the times, where that is sooner had than all.
+        """
         scale = UNIT_OFFSET * (self.drive_scales(meeting) if scales is None else scales)[0]
         seconds, steps = late_part(meeting.time_s, meeting.driven), np.diff(meeting.time_s)
         weights = seconds / np.maximum(steps, 1e-12) / max(float(seconds.sum()), 1e-12)
+        counts = np.concatenate([-weights[:1], weights[:-1] - weights[1:], weights[-1:]])  # of x for the late speed
+        counts[1:-1][np.abs(counts[1:-1]) < 1e-11] = 0.0  # what rounding leaves of equal steps
+        rows = np.flatnonzero(counts)
+        rows = np.union1d(rows, (0, len(counts) - 1))
         known: dict[float, tuple[float, float]] = {}
 
         def ended(x_m: Array) -> tuple[float, float]:
-            return float(np.dot(x_m[1:] - x_m[:-1], weights)), float(x_m[-1] - x_m[0])
+            return float(np.dot(x_m, counts[rows])), float(x_m[-1] - x_m[0])
 
         def ended_with(offset: float) -> tuple[float, float]:
             if offset not in known:
-                known[offset] = ended(drive(offset).x_m[0])
+                some = drive(offset).x_m[0][rows] if at is None else at(offset, meeting.time_s[rows])
+                known[offset] = ended(some)
             return known[offset]
 
         def ends(offsets: Array, _rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
             found = np.array([ended_with(float(offset)) for offset in offsets])
             return found[:, 0], found[:, 1]
 
-        middle = ended(meeting.x_m)
+        middle = ended(meeting.x_m[rows])
         reach = np.minimum(self.outcomes.reach(scale), LARGEST_ERROR)
         if climbs(*middle) and climbs(*ended_with(float(reach[0]))):
             return self.outcomes.sure(Class.CLIMBS)

@@ -116,8 +116,9 @@ class _Answer:
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
             shown, own, arrived = self._ways()
             self._own, self._told = own, Told.at(self._question.controls, own.time_s)
-            if not all(np.isfinite(column).all() for column in (own.motion.x_m, own.motion.y_m, own.motion.speed_m_s)):
-                raise self._not_finite()
+            for way in (own,) if shown is own else (own, shown):
+                if not way.is_finite():
+                    raise self._not_finite()
             trajectory = self._columns(shown)
             ground = self._question.ground
             last = ground.last_m if len(ground.distance_m) > 1 else None
@@ -215,7 +216,10 @@ class _Answer:
             return None
         times = self._own.time_s
         found = self._doubt.drive_probabilities(
-            lambda offset: self._rover.positions(times, offset), self._meeting, self._scales
+            lambda offset: self._rover.positions(times, offset),
+            self._meeting,
+            self._scales,
+            lambda offset, some: self._rover.at(some, offset).motion.x_m,
         )
         return Probabilities(*(float(found[each]) for each in (Class.CLIMBS, Class.STALLS, Class.SLIDES)))
 
@@ -261,8 +265,7 @@ class _Answer:
             until = min(2.0 * until, horizon)
 
     def _require_finite(self, found: Drive) -> None:
-        columns: list[Column] = list(found.trajectory.values())
-        columns += [] if found.band is None else found.band.columns().values()
+        columns: list[Array] = [] if found.band is None else list(found.band.columns().values())
         scalars = (found.summary.motor_energy_j, found.summary.distance_m, found.summary.mean_speed_m_s)
         if not (all(np.isfinite(each).all() for each in columns) and np.isfinite(scalars).all()):
             raise self._not_finite()

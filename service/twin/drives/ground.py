@@ -22,6 +22,7 @@ from service.learning.drive.inputs import Track
 from service.physics.scenario import Array
 
 STEEPEST_DEG = 90.0
+_RADIANS = np.pi / 180.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +38,15 @@ class Ground:
     track: Track = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        try:
+            track = Track(self.distance_m, self.slope_deg * _RADIANS)
+        except ValueError:
+            self._refuse()
+            raise
+        object.__setattr__(self, "track", track)
+
+    def _refuse(self) -> None:
+        """Says what is wrong with knots that make no track, by the name of the field."""
         if len(self.slope_deg) != len(self.distance_m):
             allowed = f"one for each of {len(self.distance_m)} distances"
             raise InvalidValueError("track.slope_deg", f"{len(self.slope_deg)} slopes", allowed)
@@ -45,7 +55,6 @@ class Ground:
         if steep.any():
             allowed = f"more than -{STEEPEST_DEG:g} and less than {STEEPEST_DEG:g}"
             raise InvalidValueError("track.slope_deg", float(self.slope_deg[int(steep.argmax())]), allowed)
-        object.__setattr__(self, "track", Track(self.distance_m, np.radians(self.slope_deg)))
 
     @classmethod
     def of_slopes(cls, distance_m: Sequence[float] | Array, slope_deg: Sequence[float] | Array) -> Ground:

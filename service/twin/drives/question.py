@@ -73,8 +73,20 @@ def controls_of(
     numbers that are not finite.
     """
     times, torques = (np.asarray(each, dtype=np.float64) for each in (time_s, torque_nm))
-    braked = np.zeros(len(times), dtype=np.bool_) if brake is None else np.asarray(brake, dtype=np.bool_)
-    for name, column in (("torque_nm", torques), ("brake", braked)):
+    braked = None if brake is None else np.asarray(brake, dtype=np.bool_)
+    try:
+        controls = Controls(times, torques, braked)
+    except ValueError:
+        _refuse_controls(times, torques, braked)
+        raise
+    if times[0] != 0 or not (times[1:] > times[:-1]).all():
+        _refuse_controls(times, torques, braked)
+    return controls
+
+
+def _refuse_controls(times: Array, torques: Array, brake: npt.NDArray[np.bool_] | None) -> None:
+    """Says what is wrong with columns that make no controls, by the name of the field."""
+    for name, column in (("torque_nm", torques), ("brake", times if brake is None else brake)):
         if len(column) != len(times):
             raise InvalidValueError(f"controls.{name}", f"{len(column)} values", f"one for each of {len(times)} times")
     require_rising("controls.time_s", times)
@@ -83,7 +95,6 @@ def controls_of(
     if not (np.isfinite(torques).all() and (torques >= 0).all()):
         wrong = float(torques[int(np.argmin(np.isfinite(torques) & (torques >= 0)))])
         raise InvalidValueError("controls.torque_nm", wrong, "zero or positive, and finite")
-    return Controls(times, torques, braked)
 
 
 def driver_of(twin: Twin) -> Driver:

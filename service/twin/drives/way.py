@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -29,6 +30,10 @@ class Way:
 
     time_s: Array
     motion: Motion
+
+    def is_finite(self) -> bool:
+        """Whether every number of it is; whatever is made of it is then."""
+        return all(np.isfinite(column).all() for column in _columns(self.motion))
 
     def rows(self, times_s: Array) -> Way:
         """Only at some of its times."""
@@ -116,7 +121,9 @@ def own_times(question: DriveQuestion) -> Array:
     even = sample_times(horizon, min(OWN_STEP_S, horizon / _FEWEST_STEPS))
     changes = question.controls.time_s[1:]
     changes = changes[changes < horizon]
-    return np.union1d(even, changes) if len(changes) else even
+    if (even[np.searchsorted(even, changes)] == changes).all():
+        return even  # and no other array: who asks for the same times is shown these
+    return np.union1d(even, changes)
 
 
 def crossing_of_way(x_m: Array, speed_m_s: Array, step_s: float, distance_m: float) -> float:
@@ -128,8 +135,7 @@ def crossing_of_way(x_m: Array, speed_m_s: Array, step_s: float, distance_m: flo
 def crossing_of_speed(x_m: Array, speed_m_s: Array, step_s: float, level_m_s: float) -> tuple[float, float]:
     """The share of a step at which a speed is reached, and the position (m) then; arguments as above."""
     quadratic = _speed_within(x_m, speed_m_s, step_s)
-    first, linear, square = quadratic
-    share = _bisected(lambda part: first + part * (linear + part * square), level_m_s)
+    share = _root(quadratic, level_m_s)
     return share, float(x_m[0]) + step_s * way_within(quadratic, share)
 
 
@@ -145,6 +151,17 @@ def _speed_within(x_m: Array, speed_m_s: Array, step_s: float) -> tuple[float, f
     mean = (float(x_m[1]) - float(x_m[0])) / step_s if step_s > 0 else 0.5 * (first + last)
     square = 3.0 * (first + last) - 6.0 * mean
     return first, last - first - square, square
+
+
+def _root(quadratic: tuple[float, float, float], level: float) -> float:
+    """Where between 0 and 1 a quadratic that is on different sides of a level there comes to it."""
+    first, linear, square = quadratic
+    gap = first - level
+    root = math.sqrt(max(linear * linear - 4.0 * square * gap, 0.0))
+    far = -0.5 * (linear + math.copysign(root, linear))
+    roots = [gap / far if far else 0.0, *([far / square] if square else [])]
+    held = [min(max(each, 0.0), 1.0) for each in roots]
+    return min(held, key=lambda share: abs(gap + share * (linear + share * square)))
 
 
 def _bisected(value: Callable[[float], float], level: float) -> float:
