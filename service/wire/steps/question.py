@@ -209,7 +209,7 @@ def read_steps(document: object, *, live: bool = False, most: int = MAX_ROVERS) 
     if not isinstance(sent, list) or not ("remove" not in document) <= len(sent) <= most:
         said = f"{len(sent)} rovers" if isinstance(sent, list) else sent
         raise InvalidInputError(fault("rovers", said, f"a list of 1 to {most} rovers"))
-    shared = _SAME if len(document) == 1 else _read_shared(document)
+    shared = _SAME if document.keys() == {"rovers"} else _read_shared(document)
     good, failures = _checked(sent, live=live)
     rovers, states = [], []
     for at, rover in list(good.items()):
