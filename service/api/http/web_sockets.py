@@ -23,6 +23,25 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
     """
 
     logger: logging.Logger
+    _deaf = False
+
+    def data_received(self, data: bytes) -> None:
+        """asyncio's."""
+        if not self._deaf:
+            super().data_received(data)
+
+    def handle_parser_exception(self) -> None:
+        """A message was too long, or no message: says so, and lets what still comes in fall, for a moment.
+
+        To close at once, with the client's bytes unread, resets the connection: it would see that and no reason.
+        """
+        closing = self.conn.close_sent
+        assert closing is not None
+        self.queue.put_nowait({"type": "websocket.disconnect", "code": closing.code, "reason": closing.reason})
+        self.transport.write(b"".join(self.conn.data_to_send()))
+        self.close_sent, self._deaf = True, True
+        self.transport.resume_reading()
+        self.close_timer = self.loop.call_later(_LINGER_S, self.transport.close)
 
     async def send(self, message: ASGISendEvent) -> None:
         """ASGI."""

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from service.errors import InvalidValueError
 from service.learning.drive.library import OUTPUTS, CompiledState
 from service.learning.drive.model import DriveModel
-from service.learning.drive.state import SIZE
+from service.learning.drive.state import FORMAT, SIZE
 from service.physics.scenario import Array
 from service.twin.moment import moves, slip_ratios
 from service.twin.steps.half_width import CARRIED, PART_S, HalfWidths
@@ -24,6 +24,7 @@ STATE_SIZE = SIZE + CARRIED
 _AT = {name: at for at, (name, _) in enumerate(CompiledState._fields_)}
 _FORMAT, _LAW, _MASS, _TIME, _RATE = (_AT[name] for name in ("format", "law", "mass_kg", "time_s", "rate_per_s"))
 _NO_TIME_S = 1e-9
+_LIGHTEST_KG, _HEAVIEST_KG = 1e-6, 1e12  # of states that come from elsewhere: what can be computed with
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +48,9 @@ class Moments:
 
     def finite(self) -> npt.NDArray[np.bool_] | None:
         """Which rovers have an answer, (rover,); None for all of them: only forged states have none."""
-        found = np.isfinite(self.time_s + self.x_m + self.y_m + self.speed_m_s + self.slip_ratio)
+        with np.errstate(over="ignore", invalid="ignore"):
+            wheels = self.rear_wheel_speed_rad_s + self.front_wheel_speed_rad_s
+            found = np.isfinite(self.time_s + self.x_m + self.y_m + self.speed_m_s + self.slip_ratio + wheels)
         return None if found.all() else found
 
     def only(self, rows: npt.NDArray[np.intp]) -> Moments:
@@ -88,7 +91,9 @@ class Stepper:
             other = StateError(f"it has {numbers.shape[1]} numbers, this release reads {STATE_SIZE}: start anew")
             return dict.fromkeys(range(len(numbers)), other)
         own = numbers[:, _LAW] == self.model.law.number
-        sound = np.isfinite(numbers).all(axis=1) & (numbers[:, _MASS] > 0.0) & (numbers[:, _FORMAT] == 1.0)
+        mass = numbers[:, _MASS]
+        possible = (mass > _LIGHTEST_KG) & (mass < _HEAVIEST_KG) & (numbers[:, _FORMAT] == FORMAT)
+        sound = np.isfinite(numbers).all(axis=1) & possible
         if (own & sound).all():
             return {}
         foreign = StateError("it belongs to another version of that name and number: start anew")
@@ -106,6 +111,12 @@ class Stepper:
 
         The slope holds under each rover's middle during its step.
         """
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # states may be forged
+            return self._advanced(states, slope_deg, torque_nm, brake, dt_s)
+
+    def _advanced(
+        self, states: Array, slope_deg: Array, torque_nm: Array, brake: npt.NDArray[np.bool_], dt_s: Array
+    ) -> Moments:
         inputs = np.array([np.radians(slope_deg), torque_nm, brake, dt_s], dtype=np.float64)
         x, speed, front, rear, y, _ = self._moved(states, inputs)
         time, mass, half = states[:, _TIME].copy(), states[:, _MASS], self._half_widths

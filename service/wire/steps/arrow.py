@@ -126,8 +126,9 @@ def _together(batches: list[pa.RecordBatch], schema: pa.Schema) -> pa.RecordBatc
     """One batch, in the order sent."""
     import pyarrow as pa  # noqa: PLC0415 - as above
 
-    table = pa.Table.from_batches(batches, schema).sort_by("index").combine_chunks()
-    return table.to_batches()[0] if table.num_rows else pa.record_batch(schema.empty_table().columns, schema)
+    if not batches:
+        return pa.record_batch([pa.array([], each.type) for each in schema], schema)
+    return pa.Table.from_batches(batches, schema).sort_by("index").combine_chunks().to_batches()[0]
 
 
 def _table(content: bytes) -> pa.Table:

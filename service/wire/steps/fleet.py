@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from model_store import InvalidReferenceError, parse_reference
 from service.errors import InvalidValueError
 from service.physics.scenario import Array
 from service.twin import Loaded
@@ -73,8 +74,11 @@ def travelled(question: StepsQuestion) -> Travelled:
     by_reference: dict[str, StoredStates] = {}
     for each in stored:
         own = np.array(rows, dtype=np.intp)[each.rows]
-        if len(by_reference) < MOST_VERSIONS:
-            by_reference[f"{each.name}@{each.version}"] = replace(each, rows=own)
+        reference = f"{each.name}@{each.version}"
+        if not _may_be(reference):
+            failures |= {row: _wrong_state(question, row, "it names no model") for row in own.tolist()}
+        elif len(by_reference) < MOST_VERSIONS:
+            by_reference[reference] = replace(each, rows=own)
         else:
             many = f"the states name more than {MOST_VERSIONS} versions: send them in several requests"
             failures |= {row: _wrong_state(question, row, many) for row in own.tolist()}
@@ -241,6 +245,13 @@ class Fleet:
 
     def _full(self, name: str) -> Exception:
         return InvalidInputError(fault("id", name, f"that of a rover that is kept here: {self._most} are the most"))
+
+
+def _may_be(reference: str) -> bool:
+    try:
+        return parse_reference(reference).version is not None
+    except InvalidReferenceError:
+        return False
 
 
 def _wrong_state(question: StepsQuestion, row: int, why: str) -> Exception:

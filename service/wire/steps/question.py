@@ -23,7 +23,15 @@ MAX_ROVERS = 10_000
 MOST_START_SPEED_M_S = 5.0
 LONGEST_ID = 100
 _LONGEST_STATE = 8192
+_STATE = "a state as a step answered it"
 _MODEL = PredictionInputs.model_fields["model"]
+
+
+def _without_null(schema: dict[str, Any]) -> None:
+    """Null is taken for a field that is not there; nobody need know."""
+    kept = [each for each in schema.pop("anyOf", []) if each.get("type") != "null"]
+    schema.update(kept[0] if kept else {})
+    schema.pop("default", None)
 
 
 class RoverStart(BaseModel):
@@ -35,10 +43,9 @@ class RoverStart(BaseModel):
         float, Field(ge=LIMITS.mass_kg[0], le=LIMITS.mass_kg[1], description="Mass of the rover in kg.", examples=[430])
     ]
     start_speed_m_s: Annotated[
-        float | SkipJsonSchema[None],
+        Annotated[float, Field(ge=-MOST_START_SPEED_M_S, le=MOST_START_SPEED_M_S)] | None,
         Field(
-            ge=-MOST_START_SPEED_M_S,
-            le=MOST_START_SPEED_M_S,
+            json_schema_extra=_without_null,
             description="Speed along the slope; without it the rover is parked, and let go.",
         ),
     ] = None
@@ -51,15 +58,15 @@ class RoverStep(BaseModel):
 
     id: Annotated[str, Field(min_length=1, max_length=LONGEST_ID, description="Any name; comes back with the answer.")]
     state: Annotated[
-        str | SkipJsonSchema[None],
+        Annotated[str, Field(max_length=_LONGEST_STATE, json_schema_extra={"x-allowed": _STATE})] | None,
         Field(
-            max_length=_LONGEST_STATE,
+            json_schema_extra=_without_null,
             description="What an earlier step answered: the rover goes on from there. Either this or `start`.",
-            json_schema_extra={"x-allowed": "a state as a step answered it"},
         ),
     ] = None
     start: Annotated[
-        RoverStart | SkipJsonSchema[None], Field(description="Puts the rover to the start before this step.")
+        RoverStart | None,
+        Field(json_schema_extra=_without_null, description="Puts the rover to the start before this step."),
     ] = None
     slope_deg: Annotated[
         float,
@@ -71,10 +78,9 @@ class RoverStep(BaseModel):
         ),
     ]
     torque_nm: Annotated[
-        float | SkipJsonSchema[None],
+        Annotated[float, Field(ge=LIMITS.torque_nm[0], le=LIMITS.torque_nm[1])] | None,
         Field(
-            ge=LIMITS.torque_nm[0],
-            le=LIMITS.torque_nm[1],
+            json_schema_extra=_without_null,
             description="Stall torque of each wheel's motor; 0: wheels free. Needed unless the brake is on.",
             examples=[60],
         ),
@@ -109,8 +115,7 @@ class StepsBody(BaseModel):
         ),
     ]
     model: Annotated[
-        str | SkipJsonSchema[None],
-        *_MODEL.metadata,
+        Annotated[str, *_MODEL.metadata] | SkipJsonSchema[None],
         Field(
             description="Version that moves the rovers, `name`, `name@version` or `name@alias`. Without it each rover "
             "stays with the version that its state names, and new ones get the default model.",
@@ -136,7 +141,7 @@ class _Shared(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
-    model: Annotated[str | None, *_MODEL.metadata] = None
+    model: Annotated[str, *_MODEL.metadata] | None = None
     include: Annotated[list[Literal["state"]], Field(max_length=8)] = []
     remove: Annotated[list[str], Field(max_length=MAX_ROVERS)] = []
 
@@ -204,7 +209,7 @@ def read_steps(document: object, *, live: bool = False, most: int = MAX_ROVERS) 
     if not isinstance(sent, list) or not ("remove" not in document) <= len(sent) <= most:
         said = f"{len(sent)} rovers" if isinstance(sent, list) else sent
         raise InvalidInputError(fault("rovers", said, f"a list of 1 to {most} rovers"))
-    shared = _SAME if len(document) == 1 else _read_shared(document)
+    shared = _SAME if document.keys() == {"rovers"} else _read_shared(document)
     good, failures = _checked(sent, live=live)
     rovers, states = [], []
     for at, rover in list(good.items()):

@@ -265,7 +265,6 @@ def test_forged_numbers_are_moved_on_without_harm(twin, forged):
         state[0, at] = value
     if not stepper.wrong(state):
         one = np.ones(1)
-        with np.errstate(all="ignore"):
-            found = stepper.advance(state, 20 * one, 60 * one, one < 0, 0.5 * one)
+        found = stepper.advance(state, 20 * one, 60 * one, one < 0, 0.5 * one)
         finite = found.finite()
         assert finite is None or finite.shape == (1,)
