@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
+import ast
 from pathlib import Path
 
 import pytest
@@ -62,12 +61,10 @@ def test_an_empty_universal_file_is_its_head():
 
 
 def test_the_install_makes_all_that_is_exported():
-    pytest.importorskip("ziglang", reason="the compiler is there while the package is installed only")
-    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["hatch_build"] = module
-    spec.loader.exec_module(module)
-    assert {each.file.name for each in module.LIBRARIES} == set(FILES)
+    """`hatch_build.py` runs where nothing of ours is installed, so it has its own list."""
+    tree = ast.parse((ROOT / "hatch_build.py").read_text())
+    words = {each.value for each in ast.walk(tree) if isinstance(each, ast.Constant) and isinstance(each.value, str)}
+    assert set(FILES) <= words
 
 
 def test_a_missing_library_says_what_to_do(monkeypatch, tmp_path):
