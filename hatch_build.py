@@ -13,9 +13,8 @@ import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import ziglang
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
@@ -36,8 +35,7 @@ WINDOWS = ["-fcompiler-rt", "-fentry=DllMainCRTStartup", "-fno-emit-implib"]
 HEADERS = Path(ziglang.__file__).parent / "lib/libc/include/any-windows-any"
 
 
-@dataclass(frozen=True)
-class Library:
+class Library(NamedTuple):
     """One library to be made: its file, where its sources are, what the compiler calls its platform ("": this one)."""
 
     file: Path

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
+import ast
 from pathlib import Path
 
 import pytest
@@ -40,11 +39,11 @@ def test_each_exports_the_standards_functions_alone(file):
 
 def test_the_functions_are_all_that_importers_look_for():
     """FMPy knows every function of the standard by name."""
-    from fmpy.fmi2 import FMU2Slave
+    from fmpy.fmi2 import FMU2Model, FMU2Slave
     from fmpy.fmi3 import FMU3Slave
 
     exports = inspect(library(FILES[0])).exports
-    two = {name for name in dir(FMU2Slave) if name.startswith("fmi2") and name[4].isupper()}
+    two = {name for name in {*dir(FMU2Slave), *dir(FMU2Model)} if name.startswith("fmi2") and name[4].isupper()}
     three = {name for name in dir(FMU3Slave) if name.startswith("fmi3") and name[4].isupper()}
     assert len(two) > 30
     assert len(three) > 70
@@ -62,12 +61,10 @@ def test_an_empty_universal_file_is_its_head():
 
 
 def test_the_install_makes_all_that_is_exported():
-    pytest.importorskip("ziglang", reason="the compiler is there while the package is installed only")
-    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["hatch_build"] = module
-    spec.loader.exec_module(module)
-    assert {each.file.name for each in module.LIBRARIES} == set(FILES)
+    """`hatch_build.py` runs where nothing of ours is installed, so it has its own list."""
+    tree = ast.parse((ROOT / "hatch_build.py").read_text())
+    words = {each.value for each in ast.walk(tree) if isinstance(each, ast.Constant) and isinstance(each.value, str)}
+    assert set(FILES) <= words
 
 
 def test_a_missing_library_says_what_to_do(monkeypatch, tmp_path):
