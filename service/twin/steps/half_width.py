@@ -110,8 +110,16 @@ class HalfWidths:
 
     def at(self, carried: Array, time_s: Array, x_m: Array) -> Array:
         """The half-widths, m."""
+        if len(carried) == 1:
+            return np.array([self._at_one(carried[0].tolist(), float(time_s[0]), float(x_m[0]))])
         rolled = carried[:, _ROLLED]
         ever = rolled > 0.0
         times = self._factor * np.where(ever, carried[:, _SCALES] / np.where(ever, rolled, 1.0), carried[:, _SCALE])
         shift = np.minimum(times, _MOST_UNITS) * np.abs(carried[:, _SHIFT])
         return np.asarray(shift + times * remainder_m(time_s, x_m))
+
+    def _at_one(self, carried: list[float], time_s: float, x_m: float) -> float:
+        """The same in plain numbers."""
+        rolled = carried[_ROLLED]
+        times = self._factor * (carried[_SCALES] / rolled if rolled > 0.0 else carried[_SCALE])
+        return min(times, _MOST_UNITS) * abs(carried[_SHIFT]) + times * float(remainder_m(time_s, x_m))

@@ -12,7 +12,7 @@ from service.learning.drive.library import OUTPUTS, CompiledState
 from service.learning.drive.model import DriveModel
 from service.learning.drive.state import FORMAT, SIZE
 from service.physics.scenario import Array
-from service.twin.moment import moves, slip_ratios
+from service.twin.moment import moves, slip_ratio, slip_ratios
 from service.twin.steps.half_width import CARRIED, PART_S, HalfWidths
 from service.twin.steps.states import StateError
 from service.twin.steps.verdict import StepDomain
@@ -24,6 +24,7 @@ STATE_SIZE = SIZE + CARRIED
 _AT = {name: at for at, (name, _) in enumerate(CompiledState._fields_)}
 _FORMAT, _LAW, _MASS, _TIME, _RATE = (_AT[name] for name in ("format", "law", "mass_kg", "time_s", "rate_per_s"))
 _NO_TIME_S = 1e-9
+_NO_COLUMNS = frozenset({"outside_of", "finite"})
 _LIGHTEST_KG, _HEAVIEST_KG = 1e-6, 1e12  # of states that come from elsewhere: what can be computed with
 
 
@@ -32,7 +33,7 @@ class Moments:
     """Rovers at the end of their steps, columns (rover,).
 
     `x_half_width_m` is NaN where the version knows no doubt. `outside_of` has of each rover the inputs that are outside
-    the domain.
+    the domain. `finite` says which have an answer, None for all of them: only forged states have none.
     """
 
     time_s: Array
@@ -45,17 +46,11 @@ class Moments:
     x_half_width_m: Array
     moving: npt.NDArray[np.bool_]
     outside_of: list[list[str]]
-
-    def finite(self) -> npt.NDArray[np.bool_] | None:
-        """Which rovers have an answer, (rover,); None for all of them: only forged states have none."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            wheels = self.rear_wheel_speed_rad_s + self.front_wheel_speed_rad_s
-            found = np.isfinite(self.time_s + self.x_m + self.y_m + self.speed_m_s + self.slip_ratio + wheels)
-        return None if found.all() else found
+    finite: npt.NDArray[np.bool_] | None = None
 
     def only(self, rows: npt.NDArray[np.intp]) -> Moments:
         """Those of some rovers."""
-        columns = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "outside_of"}
+        columns = {each.name: getattr(self, each.name) for each in fields(self) if each.name not in _NO_COLUMNS}
         chosen = {name: column[rows] for name, column in columns.items()}
         return Moments(**chosen, outside_of=[self.outside_of[row] for row in rows.tolist()])
 
@@ -117,8 +112,12 @@ class Stepper:
     def _advanced(
         self, states: Array, slope_deg: Array, torque_nm: Array, brake: npt.NDArray[np.bool_], dt_s: Array
     ) -> Moments:
-        inputs = np.array([np.radians(slope_deg), torque_nm, brake, dt_s], dtype=np.float64)
-        x, speed, front, rear, y, _ = self._moved(states, inputs)
+        inputs = np.empty((4, len(states)))
+        np.radians(slope_deg, out=inputs[0])
+        inputs[1], inputs[2], inputs[3] = torque_nm, brake, dt_s
+        outputs = self._moved(states, inputs)
+        x, speed, front, rear, y, _ = outputs
+        finite = np.isfinite(outputs)
         time, mass, half = states[:, _TIME].copy(), states[:, _MASS], self._half_widths
         return Moments(
             time_s=time,
@@ -127,11 +126,18 @@ class Stepper:
             speed_m_s=speed,
             rear_wheel_speed_rad_s=rear,
             front_wheel_speed_rad_s=front,
-            slip_ratio=slip_ratios(self.model.prior.rover.wheel_radius_m, speed, rear, front),
+            slip_ratio=self._slip_ratios(speed, rear, front),
             x_half_width_m=np.full(len(x), np.nan) if half is None else half.at(states[:, SIZE:], time, x),
             moving=moves(speed),
             outside_of=self._domain.outside_of(slope_deg, mass, torque_nm, brake, time),
+            finite=None if finite.all() else np.asarray(finite.all(axis=0)),
         )
+
+    def _slip_ratios(self, speed_m_s: Array, rear_rad_s: Array, front_rad_s: Array) -> Array:
+        radius = self.model.prior.rover.wheel_radius_m
+        if len(speed_m_s) == 1:
+            return np.array([slip_ratio(radius, float(speed_m_s[0]), float(rear_rad_s[0]), float(front_rad_s[0]))])
+        return slip_ratios(radius, speed_m_s, rear_rad_s, front_rad_s)
 
     def _moved(self, states: Array, inputs: Array) -> Array:
         """Columns of the motion, (OUTPUTS, rover): in parts where steps are long."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import orjson
 from pydantic import BaseModel, ConfigDict, Field
@@ -76,6 +76,41 @@ class StepsAnswer(BaseModel):
     model: Annotated[ModelIdentity | None, Field(description="Who answered; null where several versions did, or none.")]
     rovers: list[RoverMoment]
     errors: list[StepError]
+
+
+class MessageProblem(BaseModel):
+    """What is wrong with a whole message. It may have further members."""
+
+    model_config = ConfigDict(extra="allow")
+
+    type: Annotated[str, Field(description="Stable URI of the kind of problem, as over HTTP.")]
+    title: str
+    status: int
+    detail: str
+    errors: list[ProblemError] | None = None
+
+
+class MessageError(BaseModel):
+    """The answer to a message that cannot be read or understood as a whole. Rovers that are kept stay as they are."""
+
+    error: MessageProblem
+
+
+class HandedBack(BaseModel):
+    """A rover that the connection kept."""
+
+    id: str
+    state: StateText
+
+
+class Parting(BaseModel):
+    """The last message before the server closes: every rover's state. A step that was not answered was not made."""
+
+    event: Annotated[
+        Literal["draining", "idle"],
+        Field(description="`draining`: this server ends, go on at another one. `idle`: no message came for too long."),
+    ]
+    rovers: list[HandedBack]
 
 
 def rover_documents(group: Group, *, with_state: bool) -> list[dict[str, Any]]:

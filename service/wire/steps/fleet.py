@@ -212,7 +212,7 @@ class Fleet:
             ids, places = [ids[row] for row in rows], [places[row] for row in rows]
             slope, torque, brake, dt = slope[rows], torque[rows], brake[rows], dt[rows]
         states, moments = live.advance(ids, slope, torque, brake, dt)
-        finite = moments.finite()
+        finite = moments.finite
         if finite is not None:
             for at in np.flatnonzero(~finite).tolist():
                 failures[rows[at]] = _wrong_state(question, rows[at], _NO_ROVER)

@@ -127,6 +127,10 @@ class StepsBody(BaseModel):
 class LiveBody(StepsBody):
     """What a client sends over `/v1/live`: rovers with neither `state` nor `start` go on from where they are."""
 
+    rovers: Annotated[
+        list[RoverStep],
+        Field(max_length=MAX_ROVERS, description="The rovers. Refused ones are listed in `errors`; the others move."),
+    ] = []
     include: Annotated[
         list[Literal["state"]],
         Field(max_length=8, description="`state` for the state of each rover beside the rest."),
@@ -205,10 +209,10 @@ def read_steps(document: object, *, live: bool = False, most: int = MAX_ROVERS) 
     if strangers := [name for name in document if name not in known]:
         allowed = "one of " + ", ".join(known)
         raise InvalidInputError(*(unknown_field(name, document[name], allowed) for name in strangers[:20]))
-    sent = document.get("rovers", [] if "remove" in document else None)
-    if not isinstance(sent, list) or not ("remove" not in document) <= len(sent) <= most:
+    sent, least = document.get("rovers", [] if live else None), 0 if live else 1
+    if not isinstance(sent, list) or not least <= len(sent) <= most:
         said = f"{len(sent)} rovers" if isinstance(sent, list) else sent
-        raise InvalidInputError(fault("rovers", said, f"a list of 1 to {most} rovers"))
+        raise InvalidInputError(fault("rovers", said, f"a list of {least} to {most} rovers"))
     shared = _SAME if document.keys() == {"rovers"} else _read_shared(document)
     good, failures = _checked(sent, live=live)
     rovers, states = [], []

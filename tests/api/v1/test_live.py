@@ -127,7 +127,7 @@ def test_rovers_are_bounded_and_forgotten_on_demand(tmp_path):
         assert "3" in error["detail"]
         assert moved(client, go_on("a"), remove=["b"])[0]["id"] == "a"
         assert moved(client, begin("d"), go_on("a"), go_on("c"))
-        client.send('{"remove": ["a", "c", "never was"]}')
+        client.send('{"remove": ["a", "c", "d", "never was"]}')
         assert json.loads(client.recv(timeout=20))["rovers"] == []
         assert ask(client, go_on("a"))["errors"]
 

@@ -266,5 +266,4 @@ def test_forged_numbers_are_moved_on_without_harm(twin, forged):
     if not stepper.wrong(state):
         one = np.ones(1)
         found = stepper.advance(state, 20 * one, 60 * one, one < 0, 0.5 * one)
-        finite = found.finite()
-        assert finite is None or finite.shape == (1,)
+        assert found.finite is None or found.finite.shape == (1,)
