@@ -34,7 +34,7 @@ types: $(VENV)/.dev ## mypy, strict
 	@$(BIN)/mypy
 	@$(BIN)/mypy --strict clients/python
 
-sanitize: $(VENV)/.dev ## the engine's tests under AddressSanitizer and UndefinedBehaviorSanitizer (where gcc has them)
+sanitize: $(VENV)/.dev ## tests of engine and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer (where gcc has them)
 	@PYTEST=$(BIN)/pytest sh tests/learning/drive/sanitize $(ARGS)
 
 bench: $(VENV)/.dev ## how fast, beside its floors (some minutes); writes docs/performance.md
@@ -73,7 +73,7 @@ $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Rover Twin needs Python 3.11 or newer: install python3 and python3-venv"; exit 1; }
 	@PYTHON="$(PYTHON)" VENV="$(VENV)" sh .ci/make-venv
 
-$(VENV)/.runtime: $(BIN)/python pyproject.toml constraints.txt hatch_build.py $(wildcard service/learning/drive/native/*.[ch])
+$(VENV)/.runtime: $(BIN)/python pyproject.toml constraints.txt hatch_build.py $(wildcard service/learning/drive/native/*.[ch] service/fmu/native/*.[ch])
 	@echo "installing Rover Twin into $(VENV) (about a minute)"
 	@$(PIP) --editable .
 	@touch $@

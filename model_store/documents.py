@@ -16,7 +16,7 @@ from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, JsonV
 from model_store.backend import Backend
 from model_store.errors import CorruptArtefactError, InvalidDraftError, UnsupportedFormatError
 
-MAX_DOCUMENT_BYTES = 1 << 20
+MAX_DOCUMENT_BYTES = 8 << 20  # a manifest has some 1,300 bytes for each training run
 MAX_DEPTH = 64
 FORMAT_VERSION = "1.0"
 """The version all three kinds of documents are written in now; readers accept any `1.x`."""
@@ -104,7 +104,7 @@ def render(document: Document) -> bytes:
     """Write a document as indented JSON in UTF-8.
 
     Raises:
-        InvalidDraftError: it would be larger than 1 MiB, or holds what JSON cannot.
+        InvalidDraftError: it would be larger than 8 MiB, or holds what JSON cannot.
     """
     try:
         text = json.dumps(document.model_dump(mode="json"), indent=2, ensure_ascii=False, allow_nan=False)

@@ -82,7 +82,7 @@ class ModelStore:
         its files wins. The others return the manifest of that version, whatever they offered.
 
         Raises:
-            InvalidDraftError: files missing, too many or too large, or a manifest over 1 MiB; nothing was written.
+            InvalidDraftError: files missing, too many or too large, or a manifest over 8 MiB; nothing was written.
             ConflictError: a hundred other publishers were faster.
             CorruptArtefactError, UnsupportedFormatError: the version of this `once_key` was damaged or removed.
         """
@@ -97,7 +97,7 @@ class ModelStore:
         return self._versions.published_once(name, once_key)
 
     def manifest(self, name: str, version: int) -> Manifest:
-        """Read the manifest of a version (at most 1 MiB).
+        """Read the manifest of a version (at most 8 MiB).
 
         Raises:
             ModelNotFoundError, VersionNotFoundError: it is not published.
@@ -197,7 +197,7 @@ class ModelStore:
 
         Raises:
             AlreadyExistsError: the id is published, or half written, with other files.
-            InvalidDraftError: no or too many files, one too large, or a record over 1 MiB; nothing was written.
+            InvalidDraftError: no or too many files, one too large, or a record over 8 MiB; nothing was written.
             CorruptArtefactError, UnsupportedFormatError: a record is there and cannot be read.
         """
         return self._datasets.put(dataset_id, files, record)[0]

@@ -24,7 +24,8 @@ def _fields_of(schema: Mapping[str, Any], definitions: Mapping[str, Any], before
     for name, field in schema.get("properties", {}).items():
         node = _resolved(field, definitions)
         yield before + name, allowed_values(node)
-        yield from _fields_of(node, definitions, f"{before}{name}.")
+        for part in (node, *node.get("anyOf", ())):
+            yield from _fields_of(part, definitions, f"{before}{name}.")
 
 
 def _resolved(node: Mapping[str, Any], definitions: Mapping[str, Any]) -> dict[str, Any]:

@@ -36,15 +36,21 @@ from service.api.http.openapi import openapi_of
 from service.api.http.request_log import RequestLog
 from service.api.http.semantics import Semantics
 from service.api.http.upload_body import remove_forgotten_uploads
+from service.api.http.web_sockets import WebSocketProtocol
 from service.api.http.worker_threads import WorkerThreads
 from service.api.services import Lifecycle, LifespanState, Services
 from service.api.v1 import (
     aliases,
     batch,
     datasets,
+    drive_batch,
+    drives,
+    fmu,
+    live,
     mobility,
     models,
     predictions,
+    steps,
     suggested_runs,
     training_jobs,
 )
@@ -61,6 +67,7 @@ from service.twin import Twin, TwinRegistry
 
 _STORAGE_THREADS = 16
 _TICKS_OF_A_SECOND = 10
+_PARTING_S = 5.0  # in which live connections hand back what they keep
 _FOR_FORMS = {PREFIX: failure}
 _Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[LifespanState]]
 
@@ -164,11 +171,13 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
     )
     larger = {
         ("POST", datasets.router.prefix): chosen.max_upload_bytes,
-        ("POST", batch.PATH): max(batch.MAX_BODY_BYTES, chosen.max_body_bytes),
+        **{("POST", each.PATH): max(each.MAX_BODY_BYTES, chosen.max_body_bytes) for each in (batch, drive_batch)},
+        **{("POST", each.PATH): max(each.MAX_BODY_BYTES, chosen.max_body_bytes) for each in (drives, steps)},
     }
     answer_to = ErrorAnswers(_FOR_FORMS)
     # the last one added is the outermost
-    app.add_middleware(Lanes, lanes=[*lanes_of(predictions.router), *lanes_of(inference.router)], answer_to=answer_to)
+    lanes = [lane for resource in (predictions, drives, steps, inference) for lane in lanes_of(resource.router)]
+    app.add_middleware(Lanes, lanes=lanes, answer_to=answer_to)
     app.add_middleware(BodyLimit, limit_bytes=chosen.max_body_bytes, answer_to=answer_to, larger=larger)
     app.add_middleware(AdminGate, answer_to=answer_to)
     app.add_middleware(
@@ -187,11 +196,15 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
     answer_to.install(app)
     app.include_router(predictions.router)  # first, for a request is compared with one address after the other
     app.include_router(batch.router)
+    app.include_router(drives.router)
+    app.include_router(steps.router)
+    app.include_router(drive_batch.router)
     docs.install(app)
-    for resource in (inference, mobility, models, suggested_runs, health, metrics, datasets, training_jobs):
+    for resource in (inference, mobility, models, fmu, suggested_runs, health, metrics, datasets, training_jobs):
         app.include_router(resource.router)
     for router in (aliases.reading, aliases.moving):
         app.include_router(router)
+    app.router.routes.append(live.route)
     app.openapi = lambda: openapi_of(app)  # type: ignore[method-assign] # FastAPI's documented way
     return app
 
@@ -226,8 +239,9 @@ class Server(uvicorn.Server):
             super().handle_exit(sig, frame)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """No new requests from here on: streams end, all others finish."""
+        """No new requests from here on: streams end, live connections hand back what they keep, all others finish."""
         self._lifecycle.ending = True
+        await self._lifecycle.live.end(min(_PARTING_S, float(self.config.timeout_graceful_shutdown or _PARTING_S)))
         await super().shutdown(sockets)
 
     async def on_tick(self, counter: int) -> bool:
@@ -290,7 +304,9 @@ def make_server(app: FastAPI, settings: Settings, lifecycle: Lifecycle, instrume
         root_path=settings.root_path,
         loop="uvloop",
         http=connections.protocol,  # type: ignore[arg-type] # called as the class would be
-        ws="none",
+        ws=WebSocketProtocol,
+        ws_max_size=live.MAX_MESSAGE_BYTES,
+        ws_per_message_deflate=False,  # answers are small, and wanted at once
         lifespan="on",
         log_config=None,  # log.py has configured it
         access_log=False,  # request_log.py writes it

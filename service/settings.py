@@ -152,6 +152,18 @@ class Settings(BaseSettings):
         default=(),
         description="Origins whose pages may call this service from a browser, as a JSON list; `*` for all.",
     )
+    max_live_connections: Annotated[int, Field(ge=0, le=100_000)] = Field(
+        default=256, description="Connections to /v1/live in each server process; the next one is refused with a 503."
+    )
+    max_live_rovers: Annotated[int, Field(ge=1, le=10_000)] = Field(
+        default=1000, description="Rovers that one connection to /v1/live may have."
+    )
+    live_idle_s: Annotated[float, Field(gt=0, le=86_400)] = Field(
+        default=300.0, description="Seconds without a message after which a connection to /v1/live is closed."
+    )
+    live_slow_s: Annotated[float, Field(gt=0, le=600)] = Field(
+        default=5.0, description="Seconds in which a client of /v1/live must take an answer, or be disconnected."
+    )
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         default="info", description="Least severe level of the messages that are logged."
     )

@@ -14,6 +14,9 @@ from pathlib import Path
 PACKAGE = Path(__file__).parent / "src" / "rover_twin_client"
 SYNC = {
     "AsyncRoverTwin": "RoverTwin",
+    "AsyncDrivesClient": "DrivesClient",
+    "AsyncLive": "Live",
+    "AsyncSocket": "Socket",
     "AsyncTrainingClient": "TrainingClient",
     "AsyncConnection": "Connection",
     "AsyncBaseTransport": "BaseTransport",
@@ -29,6 +32,8 @@ SYNC = {
     "aread": "read",
     "push_async_callback": "callback",
     "_async": "_sync",
+    "socket_async": "socket_sync",
+    "it is not for several tasks at once": "it is not for several threads at once",
     "Use it from one event loop": "Threads may share it",
 }
 NAMES = re.compile(rf"\b({'|'.join(map(re.escape, SYNC))})\b")

@@ -13,7 +13,9 @@ from service.api.http.event_stream import MOST_LISTENERS
 from service.api.http.instruments import Instruments
 from service.api.http.kept import Kept
 from service.api.http.statistics import Statistics
+from service.api.http.web_sockets import Connections
 from service.api.http.worker_threads import WorkerThreads
+from service.fmu import FmuCache
 from service.jobs.queue import JobQueue
 from service.learning.suggest import SuggestedRun
 from service.settings import Settings
@@ -33,12 +35,14 @@ class Lifecycle:
 
     draining: bool = False
     ending: bool = False  # no more requests are taken: streams that could go on for hours end now
+    live: Connections = field(default_factory=Connections)
 
 
 @dataclass(frozen=True, slots=True)
 class Services:
     """What requests are answered with. `predictions`, `storage` and `job_calls` are worker threads; `listeners`
-    counts who follows a job, `figures` who draws, `uploads` those that are coming in or being imported. `statistics`
+    counts who follows a job, `figures` who draws, `uploads` those that are coming in or being imported. `fmus` are
+    those that were made lately. `statistics`
     are those of the inference protocol.
     """
 
@@ -61,6 +65,7 @@ class Services:
     suggestions: Kept[tuple[SuggestedRun, ...]] = field(default_factory=lambda: Kept(_SUGGESTIONS_KEPT))
     statistics: Statistics = field(default_factory=Statistics)
     figures: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(1))
+    fmus: FmuCache = field(default_factory=FmuCache)
     uploads: anyio.CapacityLimiter = field(default_factory=lambda: anyio.CapacityLimiter(UPLOADS_AT_ONCE))
 
     async def twin(self, reference: str | None = None, *, give_up_s: float | None = None) -> Loaded:

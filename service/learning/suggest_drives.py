@@ -1,8 +1,9 @@
 """Which drives to simulate next: those whose outcome is open, each unlike the others.
 
 Candidates fill the domain evenly: a rover meets one change of slope, or of torque, or stops and goes on, as the runs of
-the shipped set `steps` do. Each is worth the error to expect of its force balance times the entropy of its outcome;
-what is near to one that was picked is worth less.
+the shipped set `steps` do. Wherever it drives, its motors outweigh the slope: else it rolls back or coasts. Each is
+worth the error to expect of its force balance times the entropy of its outcome; what is near to one that was picked is
+worth less.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from service.learning.drive.inputs import Controls, Track
 from service.learning.drive.model import DriveModel
 from service.learning.suggest import MOST_SUGGESTIONS
 from service.physics.scenario import Array, Positions
+from service.physics.similarity import motors_outweigh_slope
 
 DURATION_S = 20.0
 _CANDIDATES, _TIMES = 256, 201
@@ -69,11 +71,14 @@ def suggest_drives(
 ) -> tuple[SuggestedDrive, ...]:
     """`count` drives, the most useful first; the first ones do not depend on how many are asked for.
 
-    `spans` bounds slope_deg, mass_kg and torque_nm. Raises InvalidValueError for a count outside 1 to 64.
+    `spans` bounds slope_deg, mass_kg and torque_nm. Raises InvalidValueError for a count outside 1 to 64, or above
+    that of the drives on which the motors outweigh the slope.
     """
     if not 1 <= count <= MOST_SUGGESTIONS:
         raise InvalidValueError("n", count, f"1 to {MOST_SUGGESTIONS}")
-    found = [_judged(model, doubt, candidate) for candidate in _candidates(spans)]
+    found = [_judged(model, doubt, each) for each in _candidates(spans) if _is_driven(model, each)]
+    if len(found) < count:
+        raise InvalidValueError("n", count, f"at most {len(found)}: on other drives the slope outweighs the motors")
     places = np.stack([place for _, place, _ in found])
     worth = np.array([each for _, _, each in found])
     picked = []
@@ -93,6 +98,14 @@ def meeting_of(model: DriveModel, drive: SuggestedDrive) -> tuple[Meeting, Posit
     braked = np.asarray(controls.brake)[acts] > 0
     meeting = Meeting(drive.mass_kg, times, motion.x_m, motion.slope_rad, controls.torque_nm[acts], braked)
     return meeting, Positions(motion.x_m[None], motion.y_m[None])
+
+
+def _is_driven(model: DriveModel, drive: SuggestedDrive) -> bool:
+    """Whether the motors outweigh both slopes, or do so with both torques."""
+    track, controls = drive.track(), drive.controls()
+    slope, torque = np.meshgrid(track.slope_rad, controls.torque_nm[np.asarray(controls.brake) == 0])
+    prior, mass = model.prior, np.full(slope.shape, drive.mass_kg)
+    return bool(motors_outweigh_slope(prior.rover, prior.regolith, slope, mass, torque).all())
 
 
 def _judged(model: DriveModel, doubt: Doubt, drive: SuggestedDrive) -> tuple[SuggestedDrive, Array, float]:

@@ -265,10 +265,12 @@ class Twin:
     def _band_for(self, asked: _Asked) -> Band | Doubt | None:
         if asked.band_level is None:
             return None
-        if asked.frame is not Frame.SLOPE:
-            raise InvalidValueError(
-                "frame", asked.frame.value, "slope where a band is asked for: it bounds x and y there"
-            )
+        return self.band_in(asked.frame)
+
+    def band_in(self, frame: Frame) -> Band | Doubt:
+        """The band that is asked for in a frame. Raises InvalidValueError for another frame than that of slopes."""
+        if frame is not Frame.SLOPE:
+            raise InvalidValueError("frame", frame.value, "slope where a band is asked for: it bounds x and y there")
         return self._known_band()
 
     def _summarise(

@@ -21,7 +21,7 @@ from service.wire.prediction_answer import ModelIdentity
 from service.wire.whole_numbers import PLAIN_INTEGER
 
 COLUMNS = ("torque_nm", "slope_deg", "outcome", "mean_speed_m_s", "slip_ratio", "inside_domain")
-LAST_COLUMN = "steepest_climb_slope_deg"
+LAST_COLUMNS = ("steepest_climb_slope_deg", "steepest_inside_domain")
 _PREDICTION = PredictionInputs.model_fields
 _Torque = Annotated[float, Field(ge=LIMITS.torque_nm[0], le=LIMITS.torque_nm[1])]
 _Slope = Annotated[float, Field(ge=-LIMITS.slope_deg, le=LIMITS.slope_deg)]
@@ -148,13 +148,15 @@ def map_as_json(loaded: Loaded, found: MobilityMap) -> dict[str, Any]:
 
 
 def map_as_csv(found: MobilityMap) -> str:
-    """A line for each cell; empty where JSON has null. The steepest slope is that of the line's torque."""
+    """A line for each cell; empty where JSON has null. The last columns are those of the line's torque."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
-    rows.writerow([*COLUMNS, LAST_COLUMN])
+    rows.writerow([*COLUMNS, *LAST_COLUMNS])
     for row, torque in enumerate(found.torque_nm.tolist()):
+        known = found.steepest_inside_domain[row]
+        steepest = (found.steepest_climb_slope_deg[row], None if known is None else str(known).lower())
         for column, slope in enumerate(found.slope_deg.tolist()):
             speed, inside = float(found.mean_speed_m_s[row, column]), bool(found.inside_domain[row, column])
             cell = (found.outcome[row][column].value, speed, found.slip_ratio[row][column], str(inside).lower())
-            rows.writerow([torque, slope, *cell, found.steepest_climb_slope_deg[row]])
+            rows.writerow([torque, slope, *cell, *steepest])
     return text.getvalue()

@@ -22,7 +22,7 @@ def most_points(scenarios: int, max_points: int) -> int:
 
 def _limit(scenarios: int, max_points: int, what: str) -> str:
     most = most_points(scenarios, max_points)
-    return f"at most {most} {what}" + (f" for each of {scenarios} scenarios" if scenarios > 1 else "")
+    return f"at most {most} {what}" + (f" for each of {scenarios}" if scenarios > 1 else "")
 
 
 def require_few_times(times: int, scenarios: int, max_points: int) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+
 import httpx
 import pytest
 
@@ -56,4 +58,41 @@ def test_a_version_that_lists_no_runs_says_what_is_missing():
 
     assert answer.code == ExitCode.USAGE
     assert "training runs" in answer.error
+    assert answer.out == ""
+
+
+@pytest.mark.slow
+def test_drives_of_the_shipped_champion(tmp_path):
+    target = tmp_path / "runs.csv"
+    table = call("suggest-runs", "viper-lunar", "--drives", "-n", "6")
+    document = call("suggest-runs", "viper-lunar", "--drives", "-n", "6", "--json").json
+    kept = call("suggest-runs", "viper-lunar", "--drives", "-n", "6", "--output", target)
+    rows = list(csv.DictReader(table.out.splitlines()))
+
+    assert (table.code, kept.code, kept.out) == (0, 0, "")
+    assert target.read_text() == table.out
+    assert document["model"]["name"] == "viper-lunar"
+    assert len({row["file"] for row in rows}) == len(rows) == len(document["drives"]) == 6
+    for row, drive in zip(rows, document["drives"], strict=True):
+        assert {name: row[name] for name in ("file", "set")} == {name: drive[name] for name in ("file", "set")}
+        assert [float(row[name]) for name in ("mass_kg", "horizon_s", "step_s")] == [
+            drive[name] for name in ("mass_kg", "horizon_s", "step_s")
+        ]
+        track, controls = drive["track"], drive["controls"]
+        assert pairs(row["slopes"]) == list(zip(track["distance_m"], track["slope_deg"], strict=True))
+        acts = [-1 if brake else torque for torque, brake in zip(controls["torque_nm"], controls["brake"], strict=True)]
+        assert pairs(row["torques"]) == list(zip(controls["time_s"], acts, strict=True))
+        assert sum(drive["probabilities"].values()) == pytest.approx(1.0)
+        assert any(controls["brake"]) == (drive["change"] == "stop")
+
+
+def pairs(text):
+    return [tuple(map(float, each.split(":"))) for each in text.split()]
+
+
+def test_a_version_that_knows_no_drives_says_what_is_missing():
+    answer = call("suggest-runs", "viper-lunar-paper", "--drives")
+
+    assert answer.code == ExitCode.USAGE
+    assert "drive_model" in answer.error
     assert answer.out == ""

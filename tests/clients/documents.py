@@ -65,6 +65,7 @@ def mobility_document(query: dict[str, str]) -> dict[str, Any]:
         "slip_ratio": [[0.5 if slope in row else None for slope in slopes] for row in climbed],
         "inside_domain": [[slope >= 5 for slope in slopes] for _ in torques],
         "steepest_climb_slope_deg": [row[-1] if row else None for row in climbed],
+        "steepest_inside_domain": [row[-1] >= 5 if row else None for row in climbed],
     }
 
 

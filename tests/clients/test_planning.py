@@ -26,6 +26,7 @@ def test_a_map_arrives_as_tables_of_torque_by_slope(ask: Ask, contract_service: 
     assert found.slope_deg.tolist() == [0, 10, 20, 30]
     assert found.outcome.shape == found.slip_ratio.shape == found.inside_domain.shape == (3, 4)
     assert found.steepest_climb_slope_deg.tolist() == [0, 10, 20]
+    assert found.steepest_inside_domain == (False, True, True)
     assert found.horizon_s == 10.0
 
 

@@ -43,6 +43,7 @@ def test_null_becomes_nan_where_it_has_a_meaning(map_answer: dict[str, Any]) -> 
 
     np.testing.assert_array_equal(found.slip_ratio, [[math.nan] * 3, [0.5, 0.5, math.nan]])
     np.testing.assert_array_equal(found.steepest_climb_slope_deg, [math.nan, 20])
+    assert found.steepest_inside_domain == (None, True)
 
 
 def test_a_version_without_a_band_has_no_confidence(map_answer: dict[str, Any]) -> None:
@@ -76,6 +77,7 @@ def test_suggested_runs_become_values(suggestions_answer: dict[str, Any]) -> Non
 
 MAP_MEMBERS = [
     "model", "mass_kg", "horizon_s", "steepest_by", "torque_nm", "slope_deg", *TABLES, "steepest_climb_slope_deg",
+    "steepest_inside_domain",
 ]  # fmt: skip
 
 
@@ -147,6 +149,8 @@ def test_a_bad_cell_is_refused_by_path(map_answer: dict[str, Any], name: str, va
 
 WRONG = {
     "steepest too short": ("steepest_climb_slope_deg", [1.0]),
+    "inside too short": ("steepest_inside_domain", [True]),
+    "inside number": ("steepest_inside_domain", [True, 1]),
     "steepest text": ("steepest_climb_slope_deg", [1.0, "2"]),
     "no torques": ("torque_nm", []),
     "torque null": ("torque_nm", [0.0, None]),
@@ -223,6 +227,7 @@ def test_any_value_of_a_map_replaced_by_anything_is_a_map_or_a_named_error(data:
     shape = found.torque_nm.size, found.slope_deg.size
     assert {getattr(found, name).shape for name in TABLES} == {shape}
     assert found.steepest_climb_slope_deg.shape == shape[:1]
+    assert len(found.steepest_inside_domain) == shape[0]
 
 
 @pytest.mark.slow

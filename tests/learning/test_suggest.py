@@ -144,6 +144,27 @@ def test_an_input_that_never_varied_stays_where_it_was():
     assert len({each.slope_deg for each in suggested}) == 3
 
 
+def test_where_a_model_says_what_scenarios_are_worth_the_worthiest_come_first_and_apart():
+    def worth(scenarios):
+        slope = np.degrees(scenarios.slope_angle_rad)
+        return np.where(scenarios.torque_nm < 60.0, 0.0, 1.0 + 9.0 * np.exp(-np.square((slope - 20.0) / 3.0)))
+
+    known = known_runs(7, 30, 0.01)
+    suggested = suggest_runs(known, SPANS, 12, worth)
+    found = places(known, suggested)
+
+    assert suggested[:5] == suggest_runs(known, SPANS, 5, worth)
+    assert all(abs(each.slope_deg - 20.0) < 3.0 for each in suggested[:3])
+    assert all(each.torque_nm >= 60.0 and each.distance >= SMALLEST_DISTANCE for each in suggested)
+    apart = np.linalg.norm(found[:, None] - found, axis=2) + np.diag(np.full(12, np.inf))
+    assert apart.min() >= SMALLEST_DISTANCE - 1e-6
+
+
+def test_what_is_worth_nothing_is_not_suggested():
+    with pytest.raises(InvalidValueError, match="at most 0"):
+        suggest_runs(known_runs(7, 30), SPANS, 1, lambda scenarios: np.zeros(len(scenarios)))
+
+
 @pytest.mark.parametrize("count", [-1, 0, 65])
 def test_counts_have_bounds(count):
     with pytest.raises(InvalidValueError, match="1 to 64"):

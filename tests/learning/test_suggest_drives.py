@@ -10,7 +10,7 @@ from model_store import ModelStore
 from service.errors import InvalidValueError
 from service.learning.doubt.outcomes import entropy
 from service.learning.drive.model import DriveModel
-from service.learning.suggest_drives import Change, meeting_of, suggest_drives
+from service.learning.suggest_drives import Change, SuggestedDrive, meeting_of, suggest_drives
 from service.twin import Twin
 from service.twin.load import load_twin
 
@@ -34,7 +34,17 @@ def test_drives_are_inside_the_domain_and_their_outcomes_are_open(twin):
         for field, pair in (("slope_deg", each.slope_deg), ("torque_nm", each.torque_nm)):
             assert all(spans[field][0] - 0.05 <= value <= spans[field][1] + 0.05 for value in pair)
         assert sum(each.chances) == pytest.approx(1.0)
+        motors_outweigh(twin, each)
     assert np.mean([entropy(np.array(each.chances)) for each in more]) > 0.3
+
+
+def motors_outweigh(twin: Twin, drive: SuggestedDrive) -> None:
+    """On the slopes and with the torques that it drives with."""
+    rover, gravity = twin.model.prior.rover, twin.model.prior.regolith.gravity_m_s2
+    slopes = drive.slope_deg if drive.change is Change.SLOPE else drive.slope_deg[:1]
+    torques = drive.torque_nm[:1] if drive.change is Change.SLOPE else drive.torque_nm
+    pull = drive.mass_kg * gravity * max(abs(np.sin(np.radians(slope))) for slope in slopes)
+    assert rover.wheels * min(torques) / rover.wheel_radius_m > pull
 
 
 def test_what_is_met_on_the_way_is_what_was_suggested(twin):

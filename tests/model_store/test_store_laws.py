@@ -116,10 +116,15 @@ class StoreLaws:
         assert store.publish("viper", {"weights.safetensors": b"w"}, draft).version == 1
 
     def test_a_manifest_too_large_to_read_back_is_refused_before_anything_is_written(self, store, files, draft):
-        huge = draft.model_copy(update={"metrics": {"table": ["x" * 1000] * 1100}})
+        huge = draft.model_copy(update={"metrics": {"table": ["x" * 1000] * 9000}})
         with pytest.raises(InvalidDraftError, match="report/ file"):
             store.publish("viper", files, huge)
         assert store.publish("viper", files, draft).version == 1
+
+    def test_the_manifest_of_thousands_of_training_runs_is_kept(self, store, files, draft):
+        large = draft.model_copy(update={"metrics": {"table": ["x" * 1300] * 5000}})
+        assert store.publish("viper", files, large).version == 1
+        assert store.manifest("viper", 1).metrics == large.metrics
 
     @pytest.mark.parametrize(
         ("field", "value"),

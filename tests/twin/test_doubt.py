@@ -171,5 +171,9 @@ def test_the_shipped_champion_asks_for_runs_whose_outcome_is_open():
     slopes, masses, torques = random.uniform(-25, 32, 200), random.uniform(300, 900, 200), random.uniform(0, 130, 200)
     others = twin.chances([Scenario(*each, 10.0) for each in zip(slopes, masses, torques, strict=True)])
 
-    assert entropy(chances).mean() > 2.0 * entropy(others).mean()
+    assert entropy(chances).mean() > 4.0 * entropy(others).mean()
+    rover, gravity = twin.model.prior.rover, twin.model.prior.regolith.gravity_m_s2
+    for run in asked:  # the motors outweigh the slope: else the rover is sure to roll back or to coast
+        pull = run.mass_kg * gravity * abs(np.sin(np.radians(run.slope_deg)))
+        assert rover.wheels * run.torque_nm / rover.wheel_radius_m > pull
     assert suggestions(store, twin.manifest, 3) == asked[:3]

@@ -63,7 +63,7 @@ from service.errors import (
 from service.twin import OutsideDomainError
 from service.wire.datasets import report_document
 from service.wire.faults import MAX_FAULTS, InputFault, InvalidInputError, MalformedBodyError, faults_of, summary_of
-from service.wire.forms.json import domain_document
+from service.wire.forms.subject import domain_document
 from service.wire.prediction import ALLOWED
 
 _log = structlog.get_logger(__name__)

@@ -26,6 +26,7 @@ from prometheus_client.registry import Collector
 from prometheus_client.values import MultiProcessValue
 
 from service.twin import Twin
+from service.twin.drives import DriveOutcome
 from service.twin.summary import Outcome
 
 PREFIX = "rover_twin_"
@@ -35,6 +36,7 @@ _METHODS = frozenset({"GET", "POST", "PUT", "DELETE", "HEAD", "OPTIONS", "PATCH"
 # bounds that OpenTelemetry advises for HTTP, and finer ones: an answer takes milliseconds
 _REQUEST_BOUNDS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.075, 0.1, 0.25, 0.5, 0.75, 1, 2.5, 5, 7.5, 10)
 _COMPUTE_BOUNDS_S = (0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5)
+_STEP_BOUNDS_S = (0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1)
 _VERSION = ("model_name", "model_version")
 
 
@@ -55,6 +57,7 @@ class Instruments:
         self._versions: dict[tuple[str, int], tuple[str, str]] = {}
         self._answered: dict[tuple[str, str, int], tuple[Counter, Histogram]] = {}
         self._computed: dict[tuple[str, str], tuple[Histogram, dict[Outcome, Counter]]] = {}
+        self._driven: dict[tuple[str, str], tuple[Histogram, dict[DriveOutcome, Counter]]] = {}
         self._requests = Counter(
             f"{PREFIX}http_requests", "Answered requests.", ("method", "route", "status"), registry=own
         )
@@ -81,6 +84,40 @@ class Instruments:
         self._compute = Histogram(
             f"{PREFIX}prediction_duration_seconds",
             "Arithmetic of one call, of a single scenario or a batch.",
+            _VERSION,
+            buckets=_COMPUTE_BOUNDS_S,
+            registry=own,
+        )
+        self._steps = Counter(f"{PREFIX}steps", "Steps of rovers.", ("route", "result"), registry=own)
+        self._step_seconds = Histogram(
+            f"{PREFIX}step_duration_seconds",
+            "Arithmetic of the steps of one message.",
+            ("route",),
+            buckets=_STEP_BOUNDS_S,
+            registry=own,
+        )
+        self._live = Gauge(
+            f"{PREFIX}live_connections", "Open connections to /v1/live.", registry=own, multiprocess_mode="livesum"
+        )
+        self._live_rovers = Gauge(
+            f"{PREFIX}live_rovers", "Rovers of open connections.", registry=own, multiprocess_mode="livesum"
+        )
+        self._live_ended = Counter(
+            f"{PREFIX}live_connections_ended", "Connections to /v1/live that are over.", ("reason",), registry=own
+        )
+        self._live.set(0)
+        self._live_rovers.set(0)
+        self._stepped: dict[str, tuple[Counter, Counter, Histogram]] = {}
+        self._drives = Counter(f"{PREFIX}drives", "Answered drives.", (*_VERSION, "outcome"), registry=own)
+        self._drives_outside = Counter(
+            f"{PREFIX}drives_outside_domain",
+            "Answered drives that leave the domain of the version that answered.",
+            _VERSION,
+            registry=own,
+        )
+        self._driving = Histogram(
+            f"{PREFIX}drive_duration_seconds",
+            "Arithmetic of one drive.",
             _VERSION,
             buckets=_COMPUTE_BOUNDS_S,
             registry=own,
@@ -140,6 +177,41 @@ class Instruments:
             by_outcome[outcome].inc(outcomes.count(outcome))
         if outside:
             self._outside.labels(*labels).inc(outside)
+
+    def stepped(self, route: str, rovers: int, refused: int, seconds: float) -> None:
+        """Rovers were moved on, and others refused, for one message that took so many seconds."""
+        series = self._stepped.get(route)
+        if series is None:
+            counters = (self._steps.labels(route, "moved"), self._steps.labels(route, "refused"))
+            series = self._stepped[route] = (*counters, self._step_seconds.labels(route))
+        series[0].inc(rovers)
+        if refused:
+            series[1].inc(refused)
+        series[2].observe(seconds)
+
+    def live_connections(self, more: int) -> None:
+        """So many more connections are open."""
+        self._live.inc(more)
+
+    def live_rovers(self, more: int) -> None:
+        """So many more rovers are kept."""
+        self._live_rovers.inc(more)
+
+    def live_ended(self, reason: str) -> None:
+        """A connection is over, or was refused."""
+        self._live_ended.labels(reason).inc()
+
+    def drove(self, twin: Twin, seconds: float, outcome: DriveOutcome, inside: bool) -> None:
+        """A drive was answered in so many seconds."""
+        labels = self._labels(twin)
+        series = self._driven.get(labels)
+        if series is None:
+            by_outcome = {each: self._drives.labels(*labels, each.value) for each in DriveOutcome}
+            series = self._driven[labels] = self._driving.labels(*labels), by_outcome
+        series[0].observe(seconds)
+        series[1][outcome].inc()
+        if not inside:
+            self._drives_outside.labels(*labels).inc()
 
     def _series_of(self, labels: tuple[str, str]) -> tuple[Histogram, dict[Outcome, Counter]]:
         by_outcome = {outcome: self._scenarios.labels(*labels, outcome.value) for outcome in Outcome}

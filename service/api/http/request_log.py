@@ -19,6 +19,8 @@ _SAFE_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 # asked every few seconds, by machines
 _QUIET = frozenset({"/health/live", "/health/ready", "/v2/health/live", "/v2/health/ready", "/metrics"})
 
+_WITH_HEADERS = frozenset({"websocket.accept", "websocket.http.response.start"})
+
 _log = logging.getLogger(REQUESTS)
 
 
@@ -32,6 +34,9 @@ class RequestLog:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
+        if scope["type"] == "websocket":
+            await self._connection(scope, receive, send)
+            return
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
@@ -60,6 +65,27 @@ class RequestLog:
             seconds = time.perf_counter() - began
             _write(scope["method"], route, status, seconds, name)
             self.instruments.ended(scope["method"], route, status, seconds)
+            request_id.reset(token)
+
+    async def _connection(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """The line of a connection is written when it is over; its status is the close code that the server sent."""
+        began, name, status = time.perf_counter(), _id_of(scope), 0
+
+        async def noting(message: Message) -> None:
+            nonlocal status
+            kind = message["type"]
+            if kind != "websocket.send":
+                status = message.get("status", message.get("code", status))
+                if kind in _WITH_HEADERS:
+                    message["headers"] = [*message.get("headers", ()), (_HEADER, name.encode())]
+            await send(message)
+
+        token = request_id.set(name)
+        try:
+            await self.app(scope, receive, noting)
+        finally:
+            route = getattr(scope.get("route"), "path", "no route")
+            _write("WEBSOCKET", route, status, time.perf_counter() - began, name)
             request_id.reset(token)
 
 

@@ -20,7 +20,7 @@ from service.wire.forms import TABLE_MEDIA_TYPES, TableFormat
 from service.wire.forms.numbers import dump
 from service.wire.mobility import (
     COLUMNS,
-    LAST_COLUMN,
+    LAST_COLUMNS,
     MobilityAnswer,
     MobilityInputs,
     MobilityQuery,
@@ -35,7 +35,7 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
         "content": {
             "text/csv": {
                 "schema": {"type": "string"},
-                "example": ",".join([*COLUMNS, LAST_COLUMN]) + "\n60.0,28.0,climbs,0.11,0.7,true,29.5\n",
+                "example": ",".join([*COLUMNS, *LAST_COLUMNS]) + "\n60.0,28.0,climbs,0.11,0.7,true,29.5,true\n",
             }
         },
         "headers": {

@@ -117,7 +117,7 @@ def _computed(
     """Everything that takes time, up to the bytes of the answer; on a worker thread if it may take long."""
     subject = predict(asked, loaded, services.instruments.predicted)
     encoder = ENCODERS[form]
-    return delivery.response(encoder.encode(subject), encoder.headers(subject))
+    return delivery.response(encoder.encode(subject), subject.headers())
 
 
 router = APIRouter(prefix="/v1/predictions", tags=["predictions"], responses=_RESPONSES)

@@ -124,6 +124,7 @@ def _heading(loaded: Loaded, found: MobilityMap) -> str:
         f"scenario  mass {found.mass_kg:g} kg, horizon {found.horizon_s:g} s, slope from {found.slope_deg[0]:g} to "
         f"{found.slope_deg[-1]:g} deg\n"
         f"steepest  slope up to which every slope of the map is climbed ({by})\n"
+        "          in brackets where that slope is outside the model's domain\n"
         "map       C climbs, - stalls, S slides; c . s the same outside the model's domain\n"
     )
 
@@ -133,14 +134,21 @@ def _map(found: MobilityMap) -> Table:
     table.columns[-1].justify = "left"
     table.columns[-1].overflow = "ignore"
     table.columns[-1].no_wrap = True
-    for torque, steepest, outcomes, inside in zip(
-        found.torque_nm, found.steepest_climb_slope_deg, found.outcome, found.inside_domain, strict=True
+    steepest = map(_steepest, found.steepest_climb_slope_deg, found.steepest_inside_domain)
+    for torque, slope, outcomes, inside in zip(
+        found.torque_nm, steepest, found.outcome, found.inside_domain, strict=True
     ):
         letters = "".join(
             (_LETTERS if known else _LETTERS_OUTSIDE)[outcome] for outcome, known in zip(outcomes, inside, strict=True)
         )
-        table.add_row(f"{torque:.4g}", "none" if steepest is None else f"{steepest:.2f}", letters)
+        table.add_row(f"{torque:.4g}", slope, letters)
     return table
+
+
+def _steepest(slope_deg: float | None, inside: bool | None) -> str:
+    if slope_deg is None:
+        return "none"
+    return f"{slope_deg:.2f}" if inside else f"({slope_deg:.2f})"
 
 
 def _ruler(slopes_deg: list[float]) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -147,6 +148,36 @@ def verify_versions(
             print(f"{version} whole")
     if any(damage is not None for _, damage in verdicts):
         raise typer.Exit(ExitCode.FAILED)
+
+
+@app.command("export-fmu")
+def export_fmu(
+    reference: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME[@VERSION|@ALIAS]", help="A bare name means its champion, else its newest version."
+        ),
+    ],
+    output: Annotated[Path, typer.Option(metavar="FILE", help="Where to write it, such as viper.fmu.")],
+    fmi: Annotated[Literal["2.0", "3.0"], typer.Option(help="Version of the FMI standard.")] = "2.0",
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Write a version as an FMU for co-simulation: a rover that runs inside other simulators, without this program.
+
+    Only versions with the drive model can be exported. docs/fmu.md says how simulators load it.
+
+    Examples:
+      rover-twin models export-fmu viper-lunar --output viper.fmu
+      rover-twin models export-fmu viper-lunar@5 --fmi 3.0 --output viper.fmu
+    """
+    from service.cli.actions.fmu_export import write_fmu
+
+    written = write_fmu(open_store(store), reference, fmi, output)
+    if json:
+        print_json({"version": written.version, "fmi": fmi, "file": str(output), "bytes": written.size})
+    else:
+        print(f"{written.version} as FMI {fmi} in {output}: {written.size} bytes")
 
 
 @app.command("alias")

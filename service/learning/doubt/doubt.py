@@ -17,10 +17,10 @@ import numpy.typing as npt
 from service.errors import InvalidValueError
 from service.learning.doubt import coverage, multipliers
 from service.learning.doubt.evidence import Evidence
-from service.learning.doubt.excursions import LARGEST_ERROR, UNIT_OFFSET, late_part, mean_speed, remainder_m
+from service.learning.doubt.excursions import LARGEST_ERROR, UNIT_OFFSET, late_part, remainder_m
 from service.learning.doubt.meeting import LAST_PART, Meeting, OffsetModel, look_times, scenario_places, settled_speed
 from service.learning.doubt.multipliers import Kinds
-from service.learning.doubt.outcomes import Class, OutcomeLaw, classes, entropy, find_borders
+from service.learning.doubt.outcomes import Class, OutcomeLaw, classes, climbs, entropy, falls_back, find_borders
 from service.learning.doubt.scale import Scale
 from service.learning.edges import Edges
 from service.learning.observed import ObservedRun
@@ -89,20 +89,40 @@ class Doubt:
             return [model.positions_with(scenarios, time_s, side * offsets).x_m for side in (1.0, -1.0)]
 
         edges = self._edges(sides, kinds, scales, level, centre, time_s)
-        slowest, fastest = self._possible(np.sin(scenarios.slope_angle_rad)[:, None], time_s)
-        return replace(
-            edges,
-            x_low_m=np.maximum(edges.x_low_m, np.minimum(slowest, centre.x_m)),
-            x_high_m=np.minimum(edges.x_high_m, np.maximum(fastest, centre.x_m)),
-        )
+        return _within(edges, centre.x_m, *self._possible(np.sin(scenarios.slope_angle_rad)[:, None], time_s))
 
-    def drive_edges(self, drive: OffsetDrive, meeting: Meeting, level: float, centre: Positions) -> Edges:
-        """The band around a drive's positions `centre` (1, time), at the times of its meeting."""
+    def drive_edges(
+        self,
+        drive: OffsetDrive,
+        meeting: Meeting,
+        level: float,
+        centre: Positions,
+        *,
+        time_s: Array | None = None,
+        scales: Array | None = None,
+        possible: tuple[Array, Array] | None = None,
+    ) -> Edges:
+        """The band around a drive's positions `centre` (1, time), at `time_s`, or else at the times of its meeting.
+
+        `drive` is at the same times. `scales` are the meeting's `drive_scales`, where the caller has them, `possible`
+        the x between which the rover must be, (time,) each.
+        """
+        times = meeting.time_s if time_s is None else time_s
 
         def sides(offsets: Array) -> Sequence[Array]:
             return [drive(side * float(offsets[0])).x_m for side in (1.0, -1.0)]
 
-        return self._edges(sides, _A_DRIVE, self.drive_scales(meeting), level, centre, meeting.time_s)
+        known = self.drive_scales(meeting) if scales is None else scales
+        edges = self._edges(sides, _A_DRIVE, known, level, centre, times)
+        return edges if possible is None else _within(edges, centre.x_m, *possible)
+
+    def possible_ways(self, sines: tuple[float, float], start_speed_m_s: float, time_s: Array) -> tuple[Array, Array]:
+        """Between which x a drive must be: as `_possible`, where the slope's sine is between two numbers."""
+        lowest, highest = (self._possible(np.array(sine), time_s) for sine in sines)
+        return (
+            highest[0] + min(start_speed_m_s, 0.0) * time_s,
+            lowest[1] + max(start_speed_m_s, 0.0) * time_s,
+        )
 
     def _edges(
         self,
@@ -205,26 +225,55 @@ class Doubt:
         least = float(entropy(np.array([runs + 0.5, 0.5, 0.5]) / (runs + 1.5)))
         return np.asarray(scale * (_SURE_NATS + np.maximum(entropy(chances) - least, 0.0)))
 
-    def drive_probabilities(self, drive: OffsetDrive, meeting: Meeting) -> Array:
-        """Of passing, sticking and sliding at the end of a drive, (3,)."""
-        scale = UNIT_OFFSET * self.drive_scales(meeting)[0]
-        seconds = late_part(meeting.time_s, meeting.driven)
+    def drive_probabilities(
+        self,
+        drive: OffsetDrive,
+        meeting: Meeting,
+        scales: Array | None = None,
+        at: Callable[[float, Array], Array] | None = None,
+    ) -> Array:
+        """Of passing, sticking and sliding at the end of a drive, (3,). `scales` as those of `drive_edges`.
+
+        `at` gives the x that the drive with an offset has at some of the times, where that is sooner had than all.
+        """
+        scale = UNIT_OFFSET * (self.drive_scales(meeting) if scales is None else scales)[0]
+        seconds, steps = late_part(meeting.time_s, meeting.driven), np.diff(meeting.time_s)
+        weights = seconds / np.maximum(steps, 1e-12) / max(float(seconds.sum()), 1e-12)
+        counts = np.concatenate([-weights[:1], weights[:-1] - weights[1:], weights[-1:]])  # of x for the late speed
+        counts[1:-1][np.abs(counts[1:-1]) < 1e-11] = 0.0  # what rounding leaves of equal steps
+        rows = np.flatnonzero(counts)
+        rows = np.union1d(rows, (0, len(counts) - 1))
+        known: dict[float, tuple[float, float]] = {}
 
         def ended(x_m: Array) -> tuple[float, float]:
-            return float(mean_speed(x_m, meeting.time_s, seconds)), float(x_m[-1] - x_m[0])
+            return float(np.dot(x_m, counts[rows])), float(x_m[-1] - x_m[0])
+
+        def ended_with(offset: float) -> tuple[float, float]:
+            if offset not in known:
+                some = drive(offset).x_m[0][rows] if at is None else at(offset, meeting.time_s[rows])
+                known[offset] = ended(some)
+            return known[offset]
 
         def ends(offsets: Array, _rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
-            found = np.array([ended(drive(float(offset)).x_m[0]) for offset in offsets])
+            found = np.array([ended_with(float(offset)) for offset in offsets])
             return found[:, 0], found[:, 1]
 
-        late, end = ended(meeting.x_m)
+        middle = ended(meeting.x_m[rows])
         reach = np.minimum(self.outcomes.reach(scale), LARGEST_ERROR)
-        found = find_borders(ends, np.array([late]), np.array([end]), reach)
+        if climbs(*middle) and climbs(*ended_with(float(reach[0]))):
+            return self.outcomes.sure(Class.CLIMBS)
+        if falls_back(middle[0]) and falls_back(ended_with(-float(reach[0]))[0]):
+            return self.outcomes.sure(Class.SLIDES)
+        found = find_borders(ends, np.array([middle[0]]), np.array([middle[1]]), reach)
         return np.asarray(self.outcomes.probabilities(found, scale)[0])
 
     def drive_scales(self, meeting: Meeting) -> Array:
         """What to expect along a drive: (2, 1), of offsets in units of UNIT_OFFSET, and of y (m)."""
         return np.asarray(self.scale.at(meeting.places(self.rover, self.regolith)).mean(axis=1, keepdims=True))
+
+    def drive_factor(self, level: float) -> float:
+        """By how much the scale of a drive is multiplied for x. Raises InvalidValueError for a level beyond bounds."""
+        return float(self._factors(_A_DRIVE, level)[0, 0])
 
     def _scenario_scales(self, scenarios: Scenarios, seen_m: Array) -> tuple[Array, Kinds]:
         speed = settled_speed(seen_m, self.settled_s)
@@ -247,6 +296,15 @@ def ends_of(
     times = np.stack([(1.0 - LAST_PART) * horizon_s, horizon_s], axis=1)
     x = model.positions_with(scenarios, times, offsets).x_m
     return np.asarray((x[:, 1] - x[:, 0]) / (LAST_PART * horizon_s)), np.asarray(x[:, 1])
+
+
+def _within(edges: Edges, x_m: Array, slowest: Array, fastest: Array) -> Edges:
+    """A band without what cannot be; it still holds `x_m`."""
+    return replace(
+        edges,
+        x_low_m=np.maximum(edges.x_low_m, np.minimum(slowest, x_m)),
+        x_high_m=np.minimum(edges.x_high_m, np.maximum(fastest, x_m)),
+    )
 
 
 def _only(scenarios: Scenarios, rows: npt.NDArray[np.intp]) -> Scenarios:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,10 @@ class Evidence:
     base: npt.NDArray[np.intp]
     sizes: Array
     kinds: Kinds
+    _base_places: Array = field(init=False, repr=False)  # (base, coordinate); scales need them often
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_base_places", np.stack([self.places[row].mean(axis=0) for row in self.base]))
 
     @classmethod
     def of(cls, runs: Sequence[ObservedRun], models: Mapping[str, OffsetModel]) -> Evidence:
@@ -58,8 +62,7 @@ class Evidence:
     def scale(self, without: Collection[int] = ()) -> Scale:
         """Of the base, but for some of the runs (rows of `found`)."""
         kept = ~np.isin(self.base, list(without))
-        places = np.stack([self.places[row].mean(axis=0) for row in self.base[kept]])
-        return Scale(places, self.sizes[:, kept])
+        return Scale(self._base_places[kept], self.sizes[:, kept])
 
     def expected(self, rows: Collection[int] | None = None, without: Collection[int] = ()) -> Array:
         """What the other runs, but for some, lead one to expect of each run, (2, run)."""

@@ -30,7 +30,7 @@ UNIT_OFFSET = 0.002  # of the weight: where rovers climb, models that know simil
 _RIPPLE_M, _RIPPLE_S, _RIPPLE_SHARE = 0.018, 0.2, 0.0015
 
 
-def remainder_m(time_s: Array, way_m: Array) -> Array:
+def remainder_m(time_s: Array | float, way_m: Array | float) -> Array:
     """What is left of an error of scale one when the best offset is taken off, at times and ways (m from the start)."""
     return np.asarray(_RIPPLE_M * (1.0 - np.exp(-time_s / _RIPPLE_S)) + _RIPPLE_SHARE * np.abs(way_m))
 

@@ -62,10 +62,12 @@ class Meeting:
     def places(self, rover: RoverParameters, regolith: RegolithParameters) -> Array:
         """Places (part, coordinate) along the way, those without the parts in which wheels are locked; one at least."""
         ends = np.linspace(self.time_s[0], self.time_s[-1], PARTS + 1)
-        speed = np.diff(np.interp(ends, self.time_s, self.x_m)) / np.maximum(np.diff(ends), 1e-9)
-        rows = np.clip(np.searchsorted(self.time_s, 0.5 * (ends[1:] + ends[:-1])), 0, len(self.time_s) - 1)
-        ratio = torque_ratio_of(rover, regolith, np.full(PARTS, self.mass_kg), self.torque_nm[rows])
-        found = places(self.slope_rad[rows], ratio, np.full(PARTS, self.mass_kg), speed)
+        x, part_s = np.interp(ends, self.time_s, self.x_m), float(self.time_s[-1] - self.time_s[0]) / PARTS
+        speed = (x[1:] - x[:-1]) / max(part_s, 1e-9)
+        rows = np.minimum(np.searchsorted(self.time_s, 0.5 * (ends[1:] + ends[:-1])), len(self.time_s) - 1)
+        mass = np.full(PARTS, self.mass_kg)
+        ratio = torque_ratio_of(rover, regolith, mass, self.torque_nm[rows])
+        found = places(self.slope_rad[rows], ratio, mass, speed)
         rolling = ~self.brake[rows]
         return found[rolling] if rolling.any() else found
 
@@ -90,10 +92,14 @@ def scenario_places(
 
 def places(slope_rad: Array, torque_ratio: Numbers, mass_kg: Array, speed_m_s: Array) -> Array:
     """Places (..., coordinate): what is a length apart is one unit apart."""
-    columns = (
+    columns: tuple[Array, ...] = (
         np.tan(slope_rad),
         np.log(np.asarray(torque_ratio) + _LEAST_RATIO),
         np.log(mass_kg),
         np.arcsinh(np.asarray(speed_m_s) / _SLOW_M_S),
     )
-    return np.asarray(np.stack(np.broadcast_arrays(*columns), axis=-1) / _LENGTHS)
+    found = np.empty((*np.broadcast_shapes(*(np.shape(column) for column in columns)), len(_LENGTHS)))
+    for at, column in enumerate(columns):
+        found[..., at] = column
+    found /= _LENGTHS
+    return found

@@ -48,6 +48,16 @@ def classes(late_speed_m_s: Array, end_m: Array) -> npt.NDArray[np.intp]:
     return np.where(slides, Class.SLIDES, np.where(goes_up, Class.CLIMBS, Class.STALLS))
 
 
+def climbs(late_speed_m_s: float, end_m: float) -> bool:
+    """Whether one rover neither stalls nor is below its start: larger speeds and ends change nothing."""
+    return late_speed_m_s >= LATE_SPEED_M_S and end_m >= 0.0
+
+
+def falls_back(late_speed_m_s: float) -> bool:
+    """Whether one rover slides in the end: smaller speeds change nothing."""
+    return late_speed_m_s < -LATE_SPEED_M_S
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Borders:
     """The offsets from which on rovers no longer go up, end below their start, and slide, (scenario,) each.
@@ -84,6 +94,12 @@ class OutcomeLaw:
         """Of climbing, stalling and sliding, (scenario, 3), for scales (scenario,), fractions of the weight."""
         return _probabilities(borders, self.spread * scale, self.runs)
 
+    def sure(self, outcome: Class) -> Array:
+        """Of each outcome, (3,), where errors within reach change nothing: as sure as the number of runs supports."""
+        found = np.full(len(Class), 0.5)
+        found[outcome] += self.runs
+        return np.asarray(found / (self.runs + 1.5))
+
     def reach(self, scale: Array) -> Array:
         """The offset beyond which errors are rarer than the number of runs tells, (scenario,)."""
         return self._offset(1.0 - 0.5 / (self.runs + 1.5), scale)
@@ -108,13 +124,16 @@ def entropy(chances: Array) -> Array:
 def find_borders(ends: Ends, late_speed_m_s: Array, end_m: Array, reach: Array) -> Borders:
     """The borders of scenarios; infinite beyond `reach` (scenario,).
 
-    `late_speed_m_s` and `end_m` are those without an offset. Most scenarios end alike at both ends of the reach: they
-    cost two drives, the others eight more for each border.
+    `late_speed_m_s` and `end_m` are those without an offset. One that climbs is driven at the upper end of its reach
+    alone, one that slides at the lower: at the other end no border that counts can be. Most end alike there, which
+    makes one drive; the others take eight more for each border.
     """
-    every = np.arange(len(reach))
     middle = np.stack([late_speed_m_s, end_m])
-    high = np.maximum(np.stack(ends(-reach, every)), middle)
-    low = np.minimum(np.stack(ends(reach, every)), middle)
+    high, low = middle.copy(), middle.copy()
+    if (rows := np.flatnonzero((late_speed_m_s < LATE_SPEED_M_S) | (end_m < 0.0))).size:
+        high[:, rows] = np.maximum(np.stack(ends(-reach[rows], rows)), middle[:, rows])
+    if (rows := np.flatnonzero(late_speed_m_s >= -LATE_SPEED_M_S)).size:
+        low[:, rows] = np.minimum(np.stack(ends(reach[rows], rows)), middle[:, rows])
     wanted = ((0, LATE_SPEED_M_S), (1, 0.0), (0, -LATE_SPEED_M_S))
     found = [_border(ends, of, least, (high[of], middle[of], low[of]), reach) for of, least in wanted]
     return Borders(found[0], found[1], np.maximum(found[0], found[2]))

@@ -9,11 +9,11 @@ A geometric mean, since errors span three powers of ten and an arithmetic one wo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from service.learning.neighbourhood import chunks
+from service.learning.neighbourhood import FEW, Points, chunks
 from service.physics.scenario import Array
 
 _FLOOR_SHARE, _GROWTH, _MOST_GROWTH = 0.3, 0.1, 10.0
@@ -25,15 +25,23 @@ class Scale:
 
     places: Array
     sizes: Array
+    _logarithms: Array = field(init=False, repr=False)
+    _floor: Array = field(init=False, repr=False)
+    _points: Points = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        with np.errstate(invalid="ignore", divide="ignore"):  # whoever reads it from a file checks it first
+            object.__setattr__(self, "_logarithms", np.log(self.sizes))
+        object.__setattr__(self, "_points", Points.of(self.places))
+        object.__setattr__(self, "_floor", _FLOOR_SHARE * np.median(self.sizes, axis=1))
 
     def at(self, places: Array) -> Array:
         """Sizes to expect, (kind, place)."""
-        logarithms, floor = np.log(self.sizes), _FLOOR_SHARE * np.median(self.sizes, axis=1)
         found = np.empty((len(self.sizes), len(places)))
-        for rows in chunks(len(places), 4 * len(self.places)):
-            squared = np.square(places[rows, None] - self.places).sum(axis=-1)
+        for rows in chunks(len(places), FEW * len(self.places)):
+            squared = self._points.squared_distances(places[rows])
             growth = 1.0 + np.minimum(_GROWTH * squared.min(axis=1), _MOST_GROWTH)
-            found[:, rows] = np.exp(logarithms @ kernel(squared).T) * growth + floor[:, None]
+            found[:, rows] = np.exp(self._logarithms @ kernel(squared).T) * growth + self._floor[:, None]
         return found
 
 

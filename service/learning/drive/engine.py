@@ -56,6 +56,17 @@ class Engine:
         self._library.rover_start(self._address, mass_kg, start_speed_m_s, address(numbers))
         return State(numbers)
 
+    def start_many(self, mass_kg: Array, start_speed_m_s: Array) -> Array:
+        """States (rover, SIZE) of rovers that begin to move, at 0. Raises ValueError as `start` does."""
+        masses, speeds = contiguous(mass_kg), contiguous(start_speed_m_s)
+        _require(np.isfinite(masses).all() and (masses > 0).all(), "masses must be positive")
+        _require(np.isfinite(speeds).all(), "start speeds must be finite")
+        numbers = np.empty((len(masses), SIZE))
+        at = address(numbers)
+        for row, (mass, speed) in enumerate(zip(masses.tolist(), speeds.tolist(), strict=True)):
+            self._library.rover_start(self._address, mass, speed, at + row * numbers.itemsize * SIZE)
+        return numbers
+
     def restore(self, data: bytes, mass_kg: float | None = None) -> State:
         """A state from its bytes. Raises ValueError unless it is one of this law, and of this mass if one is given."""
         state = State.from_bytes(data)
@@ -170,17 +181,24 @@ class Engine:
             (inputs[3] >= SHORTEST_STEP_S).all() and (inputs[3] <= MOST_S).all(),
             f"dt_s must be {SHORTEST_STEP_S:g} to {MOST_S:g}",
         )
-        outputs = np.empty((OUTPUTS, count))
+        return numbers, Motion(*self.advance(numbers, inputs, track))
+
+    def advance(self, numbers: Array, inputs: Array, track: Track | None = None) -> Array:
+        """`step` in place, of what is known to be right: the columns of the motion, (OUTPUTS, rover).
+
+        `numbers` (rover, SIZE) and `inputs` (4, rover), slope (rad), torque, brake and duration, in one piece each.
+        """
+        outputs = np.empty((OUTPUTS, len(numbers)))
         along = None if track is None else track.compiled()
         self._library.rover_step(
             self._address,
-            count,
+            len(numbers),
             address(numbers),
             address(inputs),
             None if along is None else addressof(along),
             address(outputs),
         )
-        return numbers, Motion(*outputs)
+        return outputs
 
     def _require_own(self, state: State) -> None:
         if state.law != self._number:

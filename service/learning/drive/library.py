@@ -16,7 +16,7 @@ import numpy.typing as npt
 from service.physics.scenario import Array
 
 PATH = Path(__file__).with_name("native") / "librover.so"
-INTERFACE = 1  # ROVER_INTERFACE of native/engine.h
+INTERFACE = 2  # ROVER_INTERFACE of native/engine.h
 RUT_CELLS = 64  # ROVER_RUT_CELLS
 MOST_S = 1e6  # ROVER_MOST_S
 HEIGHTS = 37  # ROVER_HEIGHTS
@@ -115,6 +115,17 @@ class CompiledRun(ctypes.Structure):
     ]
 
 
+class CompiledRelease(ctypes.Structure):
+    """`rover_release`."""
+
+    _fields_: ClassVar[_Fields] = [
+        ("slopes", _INTEGER),
+        ("masses", _INTEGER),
+        *_numbers("slope_length_deg mass_length slope_rad[2] mass_kg[2]"),
+        *((name, _POINTER) for name in ("slope_deg", "log_mass", "weights")),
+    ]
+
+
 # The engine's types by name, whose sizes are compared when it is loaded.
 MIRRORS: dict[str, type[ctypes.Structure]] = {
     "rover_parameters": Parameters,
@@ -124,6 +135,7 @@ MIRRORS: dict[str, type[ctypes.Structure]] = {
     "rover_track": CompiledTrack,
     "rover_controls": CompiledControls,
     "rover_run": CompiledRun,
+    "rover_release": CompiledRelease,
 }
 
 # Everything but integers and numbers is the address of an array of float64 (offsets: int64), or of a struct.
@@ -132,6 +144,7 @@ _ARGUMENTS: dict[str, tuple[list[type], type | None]] = {
     "rover_state_format": ([], _INTEGER),
     "rover_bytes": ([ctypes.c_char_p], _INTEGER),
     "rover_vector_bits": ([], _INTEGER),
+    "rover_release_speeds": ([_POINTER, _INTEGER, *[_POINTER] * 3], None),
     "rover_start": ([_POINTER, _NUMBER, _NUMBER, _POINTER], None),
     "rover_present": ([_INTEGER, _POINTER, _POINTER], None),
     "rover_drive": ([*[_POINTER] * 4, _NUMBER, _INTEGER, _POINTER, _POINTER], None),

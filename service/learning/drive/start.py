@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from service.learning.drive.library import CompiledRelease, address, contiguous, library
 from service.learning.drive.recorded import start_speed
 from service.learning.observed import ObservedRun
 from service.physics.scenario import Array
@@ -27,6 +29,9 @@ class StartSpeeds:
     slope_rad: tuple[float, float]
     mass_kg: tuple[float, float]
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "weights", contiguous(self.weights))
+
     @classmethod
     def of(cls, runs: Sequence[ObservedRun]) -> StartSpeeds:
         """Of these runs, by ridge regression: the posterior mean of a Gaussian process with the bumps' covariance."""
@@ -41,8 +46,26 @@ class StartSpeeds:
 
     def at(self, slope_rad: Array, mass_kg: Array) -> Array:
         """Speeds (m/s), shape (scenario,), positive uphill."""
-        bumps = _bumps(np.clip(slope_rad, *self.slope_rad), np.clip(mass_kg, *self.mass_kg))
-        return np.asarray((bumps * self.weights).sum(axis=1))  # a matrix product rounds by how many are asked
+        slopes, masses = contiguous(slope_rad), contiguous(mass_kg)
+        found, release = np.empty(len(slopes)), self.compiled()
+        library().rover_release_speeds(
+            ctypes.addressof(release), len(slopes), address(slopes), address(masses), address(found)
+        )
+        return found
+
+    def compiled(self) -> CompiledRelease:
+        """As the engine has it, as long as this is kept."""
+        return CompiledRelease(
+            len(_SLOPES_DEG),
+            len(_LOG_MASSES),
+            _SLOPE_LENGTH_DEG,
+            _MASS_LENGTH,
+            self.slope_rad,
+            self.mass_kg,
+            address(_SLOPES_DEG),
+            address(_LOG_MASSES),
+            address(self.weights),
+        )
 
 
 def bump_count() -> int:

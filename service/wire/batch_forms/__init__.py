@@ -1,4 +1,4 @@
-"""The forms of many predictions, in a closed table by name and media type."""
+"""The forms of many predictions or drives, in a closed table by name and media type."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from service.wire.batch_forms.arrow import encode_batch_arrow
 from service.wire.batch_forms.json import encode_batch_json
 from service.wire.batch_forms.ndjson import batch_lines
 from service.wire.batch_forms.npz import encode_batch_npz
-from service.wire.batch_forms.subject import BatchSubject
+from service.wire.batch_forms.subject import BatchSubject, BatchWritable
 from service.wire.forms import MEDIA_TYPES, Format
 
 
@@ -29,8 +29,8 @@ class BatchEncoder:
     """How one form is written: whole, or, a `stream`, in chunks. `text` is worth compressing."""
 
     media_type: str
-    encode: Callable[[BatchSubject], bytes] | None = None
-    stream: Callable[[BatchSubject], Iterable[bytes]] | None = None
+    encode: Callable[[BatchWritable], bytes] | None = None
+    stream: Callable[[BatchWritable], Iterable[bytes]] | None = None
     text: bool = False
 
 
@@ -47,4 +47,4 @@ BATCH_MEDIA_TYPES: Mapping[BatchFormat, str] = MappingProxyType(
     {form: each.media_type for form, each in BATCH_ENCODERS.items()}
 )
 
-__all__ = ["BATCH_ENCODERS", "BATCH_MEDIA_TYPES", "BatchEncoder", "BatchFormat", "BatchSubject"]
+__all__ = ["BATCH_ENCODERS", "BATCH_MEDIA_TYPES", "BatchEncoder", "BatchFormat", "BatchSubject", "BatchWritable"]

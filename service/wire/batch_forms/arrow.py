@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from service.physics.scenario import Array
-from service.wire.batch_forms.subject import BatchSubject
+import numpy as np
+import numpy.typing as npt
+
+from service.wire.batch_forms.subject import BatchWritable
 from service.wire.forms.arrow import stream_of
 from service.wire.forms.numbers import dump, require_finite
 
 
-def encode_batch_arrow(subject: BatchSubject) -> bytes:
-    """One record batch, a row for each scenario and time: `scenario` (int32, its place in the request), then float64.
+def encode_batch_arrow(subject: BatchWritable) -> bytes:
+    """One record batch, a row for each scenario, or drive, and time: `scenario` or `drive` (int32, its place in the
+    request), then float64 or bool.
 
-    The metadata of the schema has `frame` as plain text and, as JSON, the other names of `BatchSubject.about` and
-    `BatchSubject.tables`; the metadata of each field its `unit`. Raises NonFiniteError.
+    The metadata of the schema has `frame` as plain text and, as JSON, the other names of `BatchWritable.about`, its
+    `tables` and `extras`; the metadata of each field its `unit`. Raises NonFiniteError.
     """
     import pyarrow as pa  # noqa: PLC0415 - half a second that only those pay who ask for Arrow
 
@@ -23,16 +26,17 @@ def encode_batch_arrow(subject: BatchSubject) -> bytes:
     require_finite(long, "answer")
     index = np.repeat(subject.indices.astype(np.int32), counts)
     units = about["units"]
-    fields = [pa.field("scenario", pa.int32(), nullable=False)]
-    fields += [pa.field(name, pa.float64(), nullable=False, metadata={"unit": units[name]}) for name in long]
-    metadata = {
-        name: part if isinstance(part, str) else dump(part) for name, part in (about | subject.tables()).items()
-    }
-    batch = pa.record_batch([pa.array(values) for values in (index, *long.values())], pa.schema(fields, metadata))
+    arrays = [pa.array(values) for values in (index, *long.values())]
+    fields = [pa.field(subject.index_name, pa.int32(), nullable=False)]
+    for name, each in zip(long, arrays[1:], strict=True):
+        fields.append(pa.field(name, each.type, nullable=False, metadata={"unit": units[name]}))
+    told = about | subject.tables() | subject.extras()
+    metadata = {name: part if isinstance(part, str) else dump(part) for name, part in told.items()}
+    batch = pa.record_batch(arrays, pa.schema(fields, metadata))
     return stream_of(batch)
 
 
-def _long(subject: BatchSubject) -> dict[str, Array]:
+def _long(subject: BatchWritable) -> dict[str, npt.NDArray[Any]]:
     """Time and the columns, row after row, each without what only fills it up."""
     counts, time, columns = subject.counts(), subject.time_s(), subject.columns()
     most = time.shape[-1]

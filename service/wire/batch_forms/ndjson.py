@@ -1,19 +1,18 @@
-"""A batch as lines of JSON, one for each scenario in the order they were sent: read one, then the next."""
+"""A batch as lines of JSON, one for each scenario or drive in the order they were sent: read one, then the next."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from service.wire.batch_forms.subject import BatchSubject
-from service.wire.forms import Subject
+from service.wire.batch_forms.subject import BatchWritable
 from service.wire.forms.json import encode_json
 from service.wire.forms.numbers import dump
 
 _CHUNK_BYTES = 1 << 16
 
 
-def batch_lines(subject: BatchSubject) -> Iterator[bytes]:
-    """Each line is what the single route answers to the scenario, with its `index` first; or that and its problem.
+def batch_lines(subject: BatchWritable) -> Iterator[bytes]:
+    """Each line is what the single route answers to it, with its `index` first; or that and its problem.
 
     The lines of about 64 KiB come together.
     """
@@ -27,12 +26,11 @@ def batch_lines(subject: BatchSubject) -> Iterator[bytes]:
     yield bytes(waiting)
 
 
-def _lines(subject: BatchSubject) -> Iterator[bytes]:
+def _lines(subject: BatchWritable) -> Iterator[bytes]:
     failures = {int(each["index"]): each for each in subject.failures}
     rows = {int(index): row for row, index in enumerate(subject.indices)}
     for index in sorted((*failures, *rows)):
         if index in failures:
             yield dump(failures[index])
-        elif subject.batch is not None:
-            one = Subject(subject.loaded, subject.batch[rows[index]])
-            yield b'{"index":%d,' % index + encode_json(one)[1:]
+        else:
+            yield b'{"index":%d,' % index + encode_json(subject.one(rows[index]))[1:]

@@ -1,10 +1,10 @@
-"""What every encoder of a batch is given, and the columns that it is written from."""
+"""What every encoder of a batch is given: many predictions, or drives, in columns."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -12,12 +12,71 @@ import numpy.typing as npt
 from service.learning.domain import FIELDS
 from service.physics.scenario import Array
 from service.twin import SPEED_NAMES, Frame, Loaded, PredictionBatch
-from service.wire.forms.subject import unit_of
+from service.wire.forms.subject import Subject, Writable, unit_of
 
 Column = npt.NDArray[Any] | Sequence[Any]
 _SCENARIO_FIELDS = ("slope_deg", "mass_kg", "torque_nm", "horizon_s")
 _SUMMARY_FIELDS = ("outcome", "final_x_m", "final_y_m", "distance_m", "mean_speed_m_s", "slip_ratio")
 _BOUNDS = ("x_lower_m", "x_upper_m", "y_lower_m", "y_upper_m")
+
+
+class BatchWritable(Protocol):
+    """Many of what has columns over time, those that could be answered in order."""
+
+    @property
+    def index_name(self) -> str:
+        """What one of them is called."""
+        ...
+
+    @property
+    def indices(self) -> npt.NDArray[np.intp]:
+        """Their places among all that were sent, (row,), rising."""
+        ...
+
+    @property
+    def failures(self) -> Sequence[Mapping[str, Any]]:
+        """The problems of the others, each with its `index`."""
+        ...
+
+    def time_s(self) -> Array:
+        """Shape (time,) where all share it, else (row, time)."""
+        ...
+
+    def counts(self) -> npt.NDArray[np.intp]:
+        """How many points of each row are its own, shape (row,)."""
+        ...
+
+    def groups(self) -> dict[str, Mapping[str, npt.NDArray[Any]]]:
+        """`trajectory` and what else was asked for: columns of shape (row, time)."""
+        ...
+
+    def columns(self) -> Mapping[str, npt.NDArray[Any]]:
+        """The same as one table; the names are those of a single answer's."""
+        ...
+
+    def tables(self) -> dict[str, dict[str, Column]]:
+        """Columns with one entry for each row, in groups."""
+        ...
+
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """The same as arrays, where they can be."""
+        ...
+
+    def extras(self) -> dict[str, Any]:
+        """Lists with an entry for each row that are no columns."""
+        ...
+
+    def about(self) -> dict[str, Any]:
+        """Everything that is not by row or by time."""
+        ...
+
+    def one(self, row: int) -> Writable:
+        """One of them alone."""
+        ...
+
+    def headers(self) -> dict[str, str]:
+        """As response headers."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +95,11 @@ class BatchSubject:
     with_band: bool
     with_speed: bool = False
     with_wheel_speed: bool = False
+
+    @property
+    def index_name(self) -> str:
+        """What one of them is called."""
+        return "scenario"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -95,6 +159,29 @@ class BatchSubject:
             "domain": self._domain(self.batch),
             "summary": {name: _whole(getattr(summaries, name)) for name in _SUMMARY_FIELDS},
         }
+
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """The same as arrays. `outside_of` has names with commas between them; `slip_ratio` is that of scenarios where
+        `slip_ratio_known`.
+        """
+        tables = self.tables()
+        by_scenario: dict[str, Any] = {**tables["scenarios"], **tables["domain"], **tables["summary"]}
+        slips = by_scenario["slip_ratio"]
+        by_scenario["slip_ratio"] = np.array([0.0 if slip is None else slip for slip in slips], dtype=np.float64)
+        by_scenario["slip_ratio_known"] = np.array([slip is not None for slip in slips], dtype=np.bool_)
+        by_scenario["outside_of"] = np.array([",".join(names) for names in by_scenario["outside_of"]], dtype=np.str_)
+        by_scenario["outcome"] = np.array([str(outcome) for outcome in by_scenario["outcome"]], dtype=np.str_)
+        return {name: np.asarray(column) for name, column in by_scenario.items()}
+
+    def extras(self) -> dict[str, Any]:
+        """None."""
+        return {}
+
+    def one(self, row: int) -> Subject:
+        """One of them alone. Raises IndexError where nothing could be answered."""
+        if self.batch is None:
+            raise IndexError(row)
+        return Subject(self.loaded, self.batch[row])
 
     @staticmethod
     def _domain(batch: PredictionBatch) -> dict[str, Column]:

@@ -1,4 +1,4 @@
-"""The forms of one prediction, in a closed table by name and media type. A new form is one file and one row here.
+"""The forms of predictions and drives, in a closed table by name and media type. A new form is one file and one row.
 
 Forms that need a large library import it on their first use: serving JSON costs neither pyarrow nor matplotlib.
 """
@@ -11,16 +11,16 @@ from enum import StrEnum
 from types import MappingProxyType
 
 from service.wire.forms.arrow import encode_arrow
-from service.wire.forms.csv import encode_csv, header_fields
+from service.wire.forms.csv import encode_csv
 from service.wire.forms.json import encode_json
 from service.wire.forms.npz import encode_npz
 from service.wire.forms.plot import encode_png, encode_svg
-from service.wire.forms.subject import Subject
+from service.wire.forms.subject import Picture, Stage, Subject, Writable
 from service.wire.forms.usda import encode_usda
 
 
 class Format(StrEnum):
-    """Names of the forms of a prediction, as `?format=` takes them; of equal wishes the first one wins."""
+    """Names of the forms of a prediction or drive, as `?format=` takes them; of equal wishes the first one wins."""
 
     JSON = "json"
     CSV = "csv"
@@ -46,13 +46,9 @@ class Encoder:
     """
 
     media_type: str
-    encode: Callable[[Subject], bytes]
+    encode: Callable[[Writable], bytes]
     text: bool
     points_at_once: int
-
-    def headers(self, subject: Subject) -> dict[str, str]:
-        """The response headers that say what a body may not."""
-        return header_fields(subject)
 
 
 ENCODERS: Mapping[Format, Encoder] = MappingProxyType(
@@ -71,4 +67,15 @@ TABLE_MEDIA_TYPES: Mapping[TableFormat, str] = MappingProxyType(
     {form: MEDIA_TYPES[Format(form)] for form in TableFormat}
 )
 
-__all__ = ["ENCODERS", "MEDIA_TYPES", "TABLE_MEDIA_TYPES", "Encoder", "Format", "Subject", "TableFormat"]
+__all__ = [
+    "ENCODERS",
+    "MEDIA_TYPES",
+    "TABLE_MEDIA_TYPES",
+    "Encoder",
+    "Format",
+    "Picture",
+    "Stage",
+    "Subject",
+    "TableFormat",
+    "Writable",
+]

@@ -1,4 +1,4 @@
-"""A prediction as an Arrow IPC stream: `pyarrow.ipc.open_stream(body).read_all()`."""
+"""A prediction or a drive as an Arrow IPC stream: `pyarrow.ipc.open_stream(body).read_all()`."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import io
 from typing import TYPE_CHECKING
 
 from service.wire.forms.numbers import dump, require_finite_columns
-from service.wire.forms.subject import Subject
+from service.wire.forms.subject import Writable
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 
-def encode_arrow(subject: Subject) -> bytes:
-    """One record batch with a float64 column for each column of the prediction, none of them null.
+def encode_arrow(subject: Writable) -> bytes:
+    """One record batch with a float64, or bool, column for each column of the answer, none of them null.
 
-    The metadata of the schema has `frame` as plain text and JSON objects under the other names of `Subject.about`;
+    The metadata of the schema has `frame` as plain text and JSON objects under the other names of `Writable.about`;
     the metadata of each field has its `unit`. Raises NonFiniteError.
     """
     import pyarrow as pa  # noqa: PLC0415 - half a second that only those pay who ask for Arrow
@@ -23,9 +23,13 @@ def encode_arrow(subject: Subject) -> bytes:
     columns, about = subject.columns(), subject.about()
     require_finite_columns(columns, "answer")
     units = about["units"]
-    fields = [pa.field(name, pa.float64(), nullable=False, metadata={"unit": units[name]}) for name in columns]
+    arrays = [pa.array(values) for values in columns.values()]
+    fields = [
+        pa.field(name, each.type, nullable=False, metadata={"unit": units[name]})
+        for name, each in zip(columns, arrays, strict=True)
+    ]
     metadata = {name: part if isinstance(part, str) else dump(part) for name, part in about.items()}
-    batch = pa.record_batch([pa.array(values) for values in columns.values()], pa.schema(fields, metadata))
+    batch = pa.record_batch(arrays, pa.schema(fields, metadata))
     return stream_of(batch)
 
 

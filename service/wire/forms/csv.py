@@ -1,27 +1,23 @@
-"""A prediction as a table: one header line, one line per time. What is no column goes into response headers."""
+"""A prediction or a drive as a table: one header line, one line per time. What is no column goes into headers."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
 from service.wire.forms.numbers import dump
-from service.wire.forms.subject import Subject
+from service.wire.forms.subject import Writable
 
 
-def encode_csv(subject: Subject) -> bytes:
-    """Lines of comma-separated numbers, each ended by a line feed. Raises NonFiniteError."""
+def encode_csv(subject: Writable) -> bytes:
+    """Lines of comma-separated numbers, each ended by a line feed; true is 1, false 0. Raises NonFiniteError."""
     columns = subject.columns()
     # orjson writes a column many times faster than a loop would, and the digits are then those of the JSON answer
-    numbers = [dump(values)[1:-1].split(b",") for values in columns.values()]
+    numbers = [dump(_as_numbers(values))[1:-1].split(b",") for values in columns.values()]
     return b"\n".join([",".join(columns).encode(), *map(b",".join, zip(*numbers, strict=True)), b""])
 
 
-def header_fields(subject: Subject) -> dict[str, str]:
-    """Model, frame, domain, outcome and the band's level, if there is one, as response headers."""
-    twin, prediction = subject.loaded.twin, subject.prediction
-    level = {} if prediction.band is None else {"Rover-Twin-Band-Level": f"{prediction.band.level:.12g}"}
-    return {
-        "Rover-Twin-Model": f"{twin.name}@{twin.version}",
-        "Rover-Twin-Frame": prediction.frame.value,
-        "Rover-Twin-Domain": "inside" if prediction.domain.inside else "outside",
-        "Rover-Twin-Outcome": prediction.summary.outcome.value,
-        **level,
-    }
+def _as_numbers(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    return values.astype(np.int64) if values.dtype == np.bool_ else values

@@ -1,4 +1,4 @@
-"""A prediction as a NumPy archive: `numpy.load(file)["x_m"]`."""
+"""A prediction or a drive as a NumPy archive: `numpy.load(file)["x_m"]`."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import numpy.lib.format as npy
 import numpy.typing as npt
 
 from service.wire.forms.numbers import dump, require_finite_columns
-from service.wire.forms.subject import Subject
+from service.wire.forms.subject import Writable
 
 METADATA = "metadata"
 
 
-def encode_npz(subject: Subject) -> bytes:
-    """An uncompressed archive with a float64 array of shape (time,) for each column, under the column's name.
+def encode_npz(subject: Writable) -> bytes:
+    """An uncompressed archive with an array of shape (time,) for each column, under its name: float64, or bool.
 
-    `metadata` is a text array without axes: a JSON object with all that is no column, `Subject.about`. The same
-    prediction gives the same bytes: NumPy dates the archive's members 1980. Raises NonFiniteError.
+    `metadata` is a text array without axes: a JSON object with all that is no column, `Writable.about`. The same
+    answer gives the same bytes: NumPy dates the archive's members 1980. Raises NonFiniteError.
     """
     columns = subject.columns()
     require_finite_columns(columns, "answer")

@@ -1,6 +1,6 @@
-"""A prediction as a picture: position against time in two panels, SVG or PNG.
+"""A prediction or a drive as a picture: its columns against time in panels, SVG or PNG.
 
-Drawn through matplotlib's objects, without pyplot's global state. The same prediction gives the same bytes.
+Drawn through matplotlib's objects, without pyplot's global state. The same answer gives the same bytes.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from service.physics.scenario import Array
 from service.wire.forms.numbers import require_finite
-from service.wire.forms.subject import Subject
+from service.wire.forms.subject import Picture, Writable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,18 +25,14 @@ MOST_LINE_POINTS = 500
 
 _DPI = 110
 _SIZE_INCHES = (7.5, 5.4)
-_AXIS_LABELS = {
-    "x_m": {"slope": "x, m\nalong the slope", "world": "x, m\nhorizontal"},
-    "y_m": {"slope": "y, m\nnormal to the slope"},
-    "z_m": {"world": "z, m\nup"},
-}
+_MORE_INCHES = 1.9  # for each panel beyond the second
 # Okabe and Ito's colours, distinct to colour-blind readers; dashes differ as well, for print
-_COLOUR, _PRIOR_COLOUR = "#009E73", "#0072B2"
+_COLOUR, _PRIOR_COLOUR, _MARK_COLOUR = "#009E73", "#0072B2", "#D55E00"
 # matplotlib reads process-wide parameters while it draws, and its fonts are not made for several threads
 _drawing = threading.Lock()
 
 
-def encode_svg(subject: Subject) -> bytes:
+def encode_svg(subject: Writable) -> bytes:
     """The picture as SVG, without date; letters are drawn as shapes, so that it looks the same everywhere.
 
     Raises NonFiniteError.
@@ -44,12 +40,12 @@ def encode_svg(subject: Subject) -> bytes:
     return _saved(subject, "svg", {"Date": None, "Creator": None})
 
 
-def encode_png(subject: Subject) -> bytes:
-    """The picture as PNG, 825 by 594 pixels. Raises NonFiniteError."""
+def encode_png(subject: Writable) -> bytes:
+    """The picture as PNG, 825 by 594 pixels for two panels, more for more. Raises NonFiniteError."""
     return _saved(subject, "png", {"Software": None})
 
 
-def _saved(subject: Subject, kind: str, metadata: Mapping[str, str | None]) -> bytes:
+def _saved(subject: Writable, kind: str, metadata: Mapping[str, str | None]) -> bytes:
     import matplotlib as mpl  # noqa: PLC0415 - a second that only those pay who ask for a picture
 
     require_finite(subject.columns(), "answer")
@@ -60,26 +56,44 @@ def _saved(subject: Subject, kind: str, metadata: Mapping[str, str | None]) -> b
     return buffer.getvalue()
 
 
-def figure_of(subject: Subject) -> Figure:
-    """x above, y or z below, against time; with the band and the prior if the subject has them."""
+def figure_of(subject: Writable) -> Figure:
+    """Its panels, one below the other; with the band and the prior if the subject has them."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - as above
 
-    columns = subject.columns()
-    frame = subject.prediction.frame
+    columns, picture = subject.columns(), subject.picture()
     kept = _kept(len(columns["time_s"]))
     drawn = {name: values[kept] for name, values in columns.items()}
-    figure = Figure(figsize=_SIZE_INCHES, facecolor="white")
+    height = _SIZE_INCHES[1] + _MORE_INCHES * (len(picture.panels) - 2)
+    figure = Figure(figsize=(_SIZE_INCHES[0], height), facecolor="white")
     # fixed margins: to measure the texts for them would take longer than the rest
-    figure.subplots_adjust(left=0.15, right=0.97, top=0.91, bottom=0.09, hspace=0.12)
-    panels = figure.subplots(2, 1, sharex=True)
-    for axes, name in zip(panels, subject.prediction.position_names, strict=True):
+    inch = _SIZE_INCHES[1] / height
+    figure.subplots_adjust(left=0.15, right=0.97, top=1.0 - 0.09 * inch, bottom=0.09 * inch, hspace=0.12)
+    panels = figure.subplots(len(picture.panels), 1, sharex=True)
+    for axes, (name, label) in zip(panels, picture.panels, strict=True):
         _panel(axes, drawn, name)
-        axes.set_ylabel(_AXIS_LABELS[name][frame])
-    panels[0].set_title(_title(subject), fontsize=10, loc="left")
+        axes.set_ylabel(label)
+        for time, _ in picture.marks:
+            axes.axvline(time, color=_MARK_COLOUR, linewidth=0.9, linestyle=":")
+    _name_marks(panels[0], picture)
+    panels[0].set_title(picture.title, fontsize=10, loc="left")
     panels[-1].set_xlabel("time, s")
     if len(panels[0].get_legend_handles_labels()[0]) > 1:
         panels[0].legend(frameon=False, fontsize=9)
     return figure
+
+
+def _name_marks(axes: Axes, picture: Picture) -> None:
+    for time, name in picture.marks:
+        axes.annotate(
+            name,
+            (time, 0.02),
+            xycoords=("data", "axes fraction"),
+            xytext=(2, 0),
+            textcoords="offset points",
+            rotation=90,
+            fontsize=8,
+            color=_MARK_COLOUR,
+        )
 
 
 def _panel(axes: Axes, columns: Mapping[str, Array], name: str) -> None:
@@ -95,17 +109,6 @@ def _panel(axes: Axes, columns: Mapping[str, Array], name: str) -> None:
     axes.grid(True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def _title(subject: Subject) -> str:
-    prediction, twin = subject.prediction, subject.loaded.twin
-    scenario = prediction.scenario
-    outside = "" if prediction.domain.inside else ", OUTSIDE the domain: extrapolated"
-    band = "" if prediction.band is None else f", band {prediction.band.level:.3g}"
-    return (
-        f"{scenario.slope_deg:g}° slope, {scenario.mass_kg:g} kg, {scenario.torque_nm:g} N m: "
-        f"{prediction.summary.outcome}{outside}\n{twin.name}@{twin.version}, {prediction.frame} frame{band}"
-    )
 
 
 def _kept(count: int) -> Array:

@@ -1,14 +1,100 @@
-"""What every encoder is given: the prediction, who made it, and what was asked to be included."""
+"""What every encoder is given: something with columns over time, who made it, and what there is to say beside them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
 
 from service.learning.domain import DomainVerdict
 from service.physics.scenario import Array
-from service.twin import Loaded, Prediction
+from service.twin import Frame, Loaded, Prediction
+from service.wire.forms.numbers import times_text
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """How something is drawn against time: a panel for each (column, label of its axis), one below the other.
+
+    A column with `<stem>_lower_m` and `<stem>_upper_m` beside it gets its band, one with `prior_` before its name the
+    prior's. `marks` are moments (s) with their names.
+    """
+
+    title: str
+    panels: tuple[tuple[str, str], ...]
+    marks: tuple[tuple[float, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stage:
+    """How something moves on a stage: `across_m` and `up_m` (time,) are translated in the order of operations `order`.
+
+    `pitch_deg` is the rover's, of one number or (time,); `told` are the columns that the translation says already,
+    `axes` says what its axes are, `doc` what moves.
+    """
+
+    across_m: Array
+    up_m: Array
+    pitch_deg: Array
+    told: tuple[str, ...]
+    order: str
+    axes: str
+    doc: str
+
+
+class Writable(Protocol):
+    """What has columns over time: a prediction, a drive."""
+
+    def columns(self) -> Mapping[str, npt.NDArray[Any]]:
+        """Everything that has one number, or one true or false, per time, in the order of a table's columns."""
+        ...
+
+    def scalars(self) -> Mapping[str, object]:
+        """What was computed besides, by its place in the answer: to be looked through for numbers that are none."""
+        ...
+
+    def about(self) -> dict[str, Any]:
+        """Everything that is no column, under the names of the JSON answer; with the unit of each column.
+
+        What the table-like forms carry beside their columns. One of it may be text: the frame.
+        """
+        ...
+
+    def answer(self) -> dict[str, Any]:
+        """The JSON answer, for orjson."""
+        ...
+
+    def headers(self) -> dict[str, str]:
+        """The response headers that say what a body may not."""
+        ...
+
+    def picture(self) -> Picture:
+        """As a plot."""
+        ...
+
+    def stage(self) -> Stage:
+        """As something that moves."""
+        ...
+
+
+ORDERS = {
+    Frame.SLOPE: '["xformOp:orient", "xformOp:translate"]',
+    Frame.WORLD: '["xformOp:translate", "xformOp:orient"]',
+}
+"""Positions in the slope frame are pitched together with the rover, those of the world are translated as they are."""
+
+_AXES = {
+    Frame.SLOPE: "X along the slope, positive uphill; Y normal to it, here the Z of xformOp:translate",
+    Frame.WORLD: "X horizontal; Z up",
+}
+_AXIS_LABELS = {
+    "x_m": {"slope": "x, m\nalong the slope", "world": "x, m\nhorizontal"},
+    "y_m": {"slope": "y, m\nnormal to the slope"},
+    "z_m": {"world": "z, m\nup"},
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,13 +113,62 @@ class Subject:
             columns |= self.prediction.band.columns()
         return columns
 
-    def model(self) -> dict[str, Any]:
-        """Who answered: name, version and the alias that was asked for."""
-        return {
-            "name": self.loaded.twin.name,
-            "version": self.loaded.twin.version,
-            "alias": self.loaded.alias,
+    def scalars(self) -> Mapping[str, object]:
+        """The summary. The verdict follows from the question and from the manifest, whose numbers are finite."""
+        return {"summary": self.prediction.summary}
+
+    def answer(self) -> dict[str, Any]:
+        """`service.wire.prediction_answer.PredictionAnswer`."""
+        prediction = self.prediction
+        answer: dict[str, Any] = {
+            "model": model_of(self.loaded),
+            "scenario": prediction.scenario,
+            "frame": prediction.frame,
+            "trajectory": prediction.trajectory | {"time_s": times_text(prediction.trajectory["time_s"])},
         }
+        if prediction.prior is not None:
+            answer["prior"] = {"name": prediction.prior_name, **prediction.prior}
+        if prediction.band is not None:
+            answer["band"] = {"level": prediction.band.level, **prediction.band.columns()}
+        answer["domain"] = domain_document(prediction.domain)
+        answer["summary"] = prediction.summary
+        return answer
+
+    def headers(self) -> dict[str, str]:
+        """Model, frame, domain, outcome and the band's level, if there is one."""
+        prediction = self.prediction
+        level = {} if prediction.band is None else {"Rover-Twin-Band-Level": f"{prediction.band.level:.12g}"}
+        return {
+            **headers_of(self.loaded, prediction.frame, prediction.domain.inside),
+            "Rover-Twin-Outcome": prediction.summary.outcome.value,
+            **level,
+        }
+
+    def picture(self) -> Picture:
+        """x above, y or z below."""
+        prediction, twin = self.prediction, self.loaded.twin
+        scenario, frame = prediction.scenario, prediction.frame
+        outside = "" if prediction.domain.inside else ", OUTSIDE the domain: extrapolated"
+        band = "" if prediction.band is None else f", band {prediction.band.level:.3g}"
+        title = (
+            f"{scenario.slope_deg:g}° slope, {scenario.mass_kg:g} kg, {scenario.torque_nm:g} N m: "
+            f"{prediction.summary.outcome}{outside}\n{twin.name}@{twin.version}, {frame} frame{band}"
+        )
+        return Picture(title, tuple((name, _AXIS_LABELS[name][frame]) for name in prediction.position_names))
+
+    def stage(self) -> Stage:
+        """In both frames it ends up at the same place of the stage."""
+        prediction, twin = self.prediction, self.loaded.twin
+        across, up = (prediction.trajectory[name] for name in prediction.position_names)
+        return Stage(
+            across,
+            up,
+            np.array([prediction.scenario.slope_deg]),
+            prediction.position_names,
+            ORDERS[prediction.frame],
+            _AXES[prediction.frame],
+            f"{twin.name}@{twin.version}: rear wheel's centre of a rover on a slope, {prediction.frame} frame",
+        )
 
     def about(self) -> dict[str, Any]:
         """Everything that is no column, under the names of the JSON answer; with the unit of each column.
@@ -42,7 +177,7 @@ class Subject:
         """
         prediction = self.prediction
         about: dict[str, Any] = {
-            "model": self.model(),
+            "model": model_of(self.loaded),
             "scenario": prediction.scenario,
             "frame": prediction.frame.value,
             "units": {name: unit_of(name) for name in self.columns()},
@@ -54,6 +189,20 @@ class Subject:
         if prediction.band is not None:
             about["band"] = {"level": prediction.band.level}
         return about
+
+
+def model_of(loaded: Loaded) -> dict[str, Any]:
+    """Who answered: name, version and the alias that was asked for."""
+    return {"name": loaded.twin.name, "version": loaded.twin.version, "alias": loaded.alias}
+
+
+def headers_of(loaded: Loaded, frame: Frame, inside: bool) -> dict[str, str]:
+    """Model, frame and domain as response headers."""
+    return {
+        "Rover-Twin-Model": f"{loaded.twin.name}@{loaded.twin.version}",
+        "Rover-Twin-Frame": frame.value,
+        "Rover-Twin-Domain": "inside" if inside else "outside",
+    }
 
 
 def unit_of(column: str) -> str:

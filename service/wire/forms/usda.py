@@ -1,32 +1,24 @@
-"""A prediction as a USD text layer: the rover moves when the stage plays. Written from a template, without `pxr`.
+"""A prediction or a drive as a USD text layer: the rover moves when the stage plays. From a template, without `pxr`.
 
-One prim, `/Rover`, whose `xformOp:translate` has the position samples and whose `xformOp:orient` is the pitch of the
-slope. In both frames it ends up at the same place of the stage, which is Z-up with X horizontal: world positions are
-translated as they are, positions in the slope frame are pitched together with the rover, as `xformOpOrder` says.
+One prim, `/Rover`, whose `xformOp:translate` has the position samples and whose `xformOp:orient` is its pitch. The
+stage is Z-up with X horizontal: world positions are translated as they are, positions in the frame of a constant slope
+are pitched together with the rover, as `xformOpOrder` says.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from service.physics.scenario import Array
-from service.twin import Frame
 from service.wire.forms.numbers import dump, require_finite
-from service.wire.forms.subject import Subject
+from service.wire.forms.subject import Writable
 
 _RATES = (10.0, 100.0, 1_000.0, 10_000.0)  # the last one is the finest step of the service
 _MOST_RATE = 1e6
-_AXES = {
-    Frame.SLOPE: "X along the slope, positive uphill; Y normal to it, here the Z of xformOp:translate",
-    Frame.WORLD: "X horizontal; Z up",
-}
-_ORDER = {
-    Frame.SLOPE: '["xformOp:orient", "xformOp:translate"]',
-    Frame.WORLD: '["xformOp:translate", "xformOp:orient"]',
-}
 _TEMPLATE = """\
 #usda 1.0
 (
@@ -62,40 +54,44 @@ def Xform "Rover"
 {more}}}
 """
 _COLUMN = """\
-    custom double roverTwin:{name}.timeSamples = {{
+    custom {kind} roverTwin:{name}.timeSamples = {{
 {samples}
     }}
 """
 
 
-def encode_usda(subject: Subject) -> bytes:
-    """The layer, UTF-8. Columns that are no position (speeds, prior, band) are custom attributes `roverTwin:<column>`.
+def encode_usda(subject: Writable) -> bytes:
+    """The layer, UTF-8. Columns that the translation does not say (speeds, prior, band) are custom attributes
+    `roverTwin:<column>`.
 
     Dividing a time code by timeCodesPerSecond gives the very float64 of `time_s`. Raises NonFiniteError.
     """
-    prediction = subject.prediction
-    columns = dict(subject.columns())
+    stage, columns, about = subject.stage(), dict(subject.columns()), subject.about()
     require_finite(columns, "answer")
     rate, codes = time_codes(columns.pop("time_s"))
-    x, across = (columns.pop(name) for name in prediction.position_names)
-    at = _written(codes)
-    orient = _pitch(prediction.scenario.slope_deg)
-    twin = subject.loaded.twin
-    places = map("({}, 0, {})".format, _written(x), _written(across))
+    at, orients = _written(codes), _pitches(stage.pitch_deg)
+    turns = at if len(orients) == len(at) else [at[0], at[-1]]
+    places = map("({}, 0, {})".format, _written(stage.across_m), _written(stage.up_m))
     return _TEMPLATE.format(
-        axes=_text(_AXES[prediction.frame]),
-        frame=_text(prediction.frame.value),
-        metadata=_text(dump(subject.about()).decode()),
-        doc=_text(f"{twin.name}@{twin.version}: rear wheel's centre of a rover on a slope, {prediction.frame} frame"),
+        axes=_text(stage.axes),
+        frame=_text(about["frame"]),
+        metadata=_text(dump(about).decode()),
+        doc=_text(stage.doc),
         rate=_written(np.array([rate]))[0],
         start=at[0],
         end=at[-1],
-        orient=orient,
-        orients=_samples([at[0], at[-1]] if len(at) > 1 else at, [orient] * 2),
+        orient=orients[0],
+        orients=_samples(turns, orients if len(orients) == len(turns) else orients * 2),
         positions=_samples(at, places),
-        order=_ORDER[prediction.frame],
-        more="".join(_COLUMN.format(name=name, samples=_samples(at, _written(c))) for name, c in columns.items()),
+        order=stage.order,
+        more="".join(_column(name, at, values) for name, values in columns.items() if name not in stage.told),
     ).encode()
+
+
+def _column(name: str, at: Sequence[str], values: npt.NDArray[Any]) -> str:
+    kind = "bool" if values.dtype == np.bool_ else "double"
+    texts = _written(values.astype(np.int64) if kind == "bool" else values)
+    return _COLUMN.format(kind=kind, name=name, samples=_samples(at, texts))
 
 
 def time_codes(time_s: Array) -> tuple[float, Array]:
@@ -110,14 +106,13 @@ def time_codes(time_s: Array) -> tuple[float, Array]:
     return 1.0, time_s
 
 
-def _pitch(slope_deg: float) -> str:
-    """The rotation about Y that lifts X by the slope, as (w, x, y, z): right-handed, so that uphill is negative."""
-    half = math.radians(slope_deg) / 2.0
-    w, y = _written(np.array([math.cos(half), -math.sin(half)]))
-    return f"({w}, 0, {y}, 0)"
+def _pitches(slope_deg: Array) -> list[str]:
+    """The rotations about Y that lift X by slopes, as (w, x, y, z): right-handed, so that uphill is negative."""
+    half = np.radians(slope_deg) / 2.0
+    return list(map("({}, 0, {}, 0)".format, _written(np.cos(half)), _written(-np.sin(half))))
 
 
-def _written(values: Array) -> list[str]:
+def _written(values: npt.NDArray[Any]) -> list[str]:
     """Shortest decimals, whole numbers without a point."""
     texts = dump(values)[1:-1].decode().split(",")
     return [text.removesuffix(".0") for text in texts]

@@ -12,7 +12,9 @@
 from __future__ import annotations
 
 from rover_twin_client._async.client import AsyncRoverTwin
+from rover_twin_client._async.live import AsyncLive
 from rover_twin_client._sync.client import RoverTwin
+from rover_twin_client._sync.live import Live
 from rover_twin_client.answers import (
     Band,
     Domain,
@@ -30,6 +32,15 @@ from rover_twin_client.answers import (
     SuggestedRuns,
     SuggestionReason,
     Summary,
+)
+from rover_twin_client.drives import (
+    Drive,
+    DriveDomain,
+    DriveEvent,
+    DriveSummary,
+    FailedDrive,
+    Moment,
+    Stretch,
 )
 from rover_twin_client.errors import (
     ConflictError,
@@ -50,6 +61,7 @@ from rover_twin_client.errors import (
     TrainingFailedError,
     UnexpectedAnswerError,
 )
+from rover_twin_client.stepping import RoverStep
 from rover_twin_client.training import (
     Alias,
     Dataset,
@@ -66,6 +78,7 @@ from rover_twin_client.training import (
 
 __all__ = [
     "Alias",
+    "AsyncLive",
     "AsyncRoverTwin",
     "Band",
     "ConflictError",
@@ -75,6 +88,11 @@ __all__ = [
     "DatasetRejectedError",
     "Domain",
     "DomainReason",
+    "Drive",
+    "DriveDomain",
+    "DriveEvent",
+    "DriveSummary",
+    "FailedDrive",
     "FieldFault",
     "Finding",
     "Frame",
@@ -83,9 +101,11 @@ __all__ = [
     "JobFailure",
     "JobProgress",
     "JobResult",
+    "Live",
     "MobilityMap",
     "ModelIdentity",
     "ModelInfo",
+    "Moment",
     "NearestRun",
     "NotAllowedError",
     "NotFoundError",
@@ -97,10 +117,12 @@ __all__ = [
     "QueueFullError",
     "Readiness",
     "RefusedError",
+    "RoverStep",
     "RoverTwin",
     "RoverTwinError",
     "Scenario",
     "ServerError",
+    "Stretch",
     "SuggestedRun",
     "SuggestedRuns",
     "SuggestionReason",

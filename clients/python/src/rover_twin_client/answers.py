@@ -159,8 +159,10 @@ class MobilityMap:
     `slip_ratio` is NaN when the wheels stand still, or when the model does not know how they turn.
 
     `steepest_climb_slope_deg` has one slope for each torque: the rover climbs every slope of the map up to this one. It
-    is NaN when the rover does not even climb the lowest slope. `steepest_by` says how this was judged: by the
-    `band`, with `confidence`, or by the `central_estimate` of a version without a band (`confidence` is None).
+    is NaN when the rover does not even climb the lowest slope, or when no cell of the torque is inside the domain.
+    `steepest_inside_domain` says for each torque whether that slope is itself inside; None where there is none.
+    `steepest_by` says how this was judged: by the `band`, with `confidence`, or by the `central_estimate` of a version
+    without a band (`confidence` is None).
     """
 
     model: ModelIdentity
@@ -175,6 +177,7 @@ class MobilityMap:
     slip_ratio: Array  # (T, S)
     inside_domain: Flags  # (T, S)
     steepest_climb_slope_deg: Array  # (T,)
+    steepest_inside_domain: tuple[bool | None, ...]  # (T,)
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,7 @@ from rover_twin_client.errors import UnexpectedAnswerError
 
 def prediction(answer: Node) -> Prediction:
     """The answer of /v1/predictions; positions in metres, times in seconds."""
-    frame = _frame(answer["frame"])
+    frame = frame_of(answer["frame"])
     trajectory = answer["trajectory"]
     time_s = trajectory["time_s"].array()
     across = "y_m" if frame == "slope" else "z_m"
@@ -40,7 +40,7 @@ def prediction(answer: Node) -> Prediction:
         return trajectory.optional(name, lambda column: column.array(time_s.size))
 
     return Prediction(
-        model=_identity(answer["model"]),
+        model=identity(answer["model"]),
         scenario=_scenario(answer["scenario"]),
         frame=frame,
         time_s=time_s,
@@ -50,7 +50,7 @@ def prediction(answer: Node) -> Prediction:
         prior=answer.optional("prior", lambda prior: _prior(prior, across, time_s.size)),
         domain=_domain(answer["domain"]),
         summary=_summary(answer["summary"]),
-        band=answer.optional("band", lambda band: _band(band, time_s.size)),
+        band=answer.optional("band", lambda found: band(found, time_s.size)),
         speed_m_s=on_request("speed_m_s"),
         rear_wheel_speed_rad_s=on_request("rear_wheel_speed_rad_s"),
         front_wheel_speed_rad_s=on_request("front_wheel_speed_rad_s"),
@@ -62,7 +62,7 @@ def mobility(answer: Node) -> MobilityMap:
     torque_nm, slope_deg = answer["torque_nm"].array(), answer["slope_deg"].array()
     shape = torque_nm.size, slope_deg.size
     return MobilityMap(
-        model=_identity(answer["model"]),
+        model=identity(answer["model"]),
         mass_kg=answer["mass_kg"].number(),
         horizon_s=answer["horizon_s"].number(),
         confidence=answer.optional("confidence", Node.number),
@@ -74,13 +74,17 @@ def mobility(answer: Node) -> MobilityMap:
         slip_ratio=answer["slip_ratio"].numbers(*shape, gaps=True),
         inside_domain=answer["inside_domain"].flags(*shape),
         steepest_climb_slope_deg=answer["steepest_climb_slope_deg"].numbers(torque_nm.size, gaps=True),
+        steepest_inside_domain=tuple(
+            None if each.value is None else each.flag()
+            for each in answer["steepest_inside_domain"].items(torque_nm.size)
+        ),
     )
 
 
 def suggested_runs(answer: Node) -> SuggestedRuns:
     """The answer of /v1/models/{name}/versions/{version}/suggested-runs."""
     return SuggestedRuns(
-        model=_identity(answer["model"]), runs=tuple(_suggested_run(item) for item in answer["runs"].items())
+        model=identity(answer["model"]), runs=tuple(_suggested_run(item) for item in answer["runs"].items())
     )
 
 
@@ -108,18 +112,20 @@ def readiness(answer: Node) -> Readiness:
     """The answer of /health/ready when the service can predict."""
     failures = answer.get("failures")
     return Readiness(
-        model=_identity(answer["model"]),
+        model=identity(answer["model"]),
         failures=tuple(item.value for item in failures.items()) if failures else (),
     )
 
 
-def _frame(node: Node) -> Frame:
+def frame_of(node: Node) -> Frame:
+    """The frame of a trajectory."""
     if node.text() not in get_args(Frame):
         raise UnexpectedAnswerError(f"{node.path} is {node.value!r}, expected {' or '.join(get_args(Frame))}")
     return cast("Frame", node.value)
 
 
-def _identity(node: Node) -> ModelIdentity:
+def identity(node: Node) -> ModelIdentity:
+    """Which version answered."""
     return ModelIdentity(
         name=node["name"].text(), version=node["version"].whole(), alias=node.optional("alias", Node.text)
     )
@@ -144,7 +150,8 @@ def _prior(node: Node, across: str, length: int) -> Prior:
     )
 
 
-def _band(node: Node, length: int) -> Band:
+def band(node: Node, length: int) -> Band:
+    """The band around a trajectory of so many times."""
     return Band(
         level=node["level"].number(),
         x_lower_m=node["x_lower_m"].array(length),
@@ -158,7 +165,7 @@ def _domain(node: Node) -> Domain:
     nearest = node.get("nearest_runs")
     return Domain(
         inside=node["inside"].flag(),
-        reasons=tuple(_reason(item) for item in node["reasons"].items()),
+        reasons=tuple(reason(item) for item in node["reasons"].items()),
         distance=node.optional("distance", Node.number),
         nearest_runs=() if nearest is None else tuple(_nearest_run(item) for item in nearest.items()),
     )
@@ -175,7 +182,8 @@ def _nearest_run(node: Node) -> NearestRun:
     )
 
 
-def _reason(node: Node) -> DomainReason:
+def reason(node: Node) -> DomainReason:
+    """One input outside the domain."""
     return DomainReason(
         field=node["field"].text(),
         value=node["value"].number(),

@@ -15,7 +15,7 @@
 
 #include <stdint.h>
 
-#define ROVER_INTERFACE 1
+#define ROVER_INTERFACE 2
 #define ROVER_STATE_FORMAT 1
 #define ROVER_RUT_CELLS 64
 #define ROVER_HEIGHTS 37
@@ -137,6 +137,14 @@ typedef struct {
     const double *observed_x_m, *observed_speed_m_s;
 } rover_run;
 
+/* The speed of a parked rover when its wheels are released: bumps over the slope (deg) and ln(mass / 550 kg), whose
+ * weights go by slope, then mass. Slope and mass are held within what runs have shown. */
+typedef struct {
+    int64_t slopes, masses;
+    double slope_length_deg, mass_length, slope_rad[2], mass_kg[2];
+    const double *slope_deg, *log_mass, *weights;
+} rover_release;
+
 int64_t rover_interface(void);
 int64_t rover_state_format(void);
 /* The bytes of a type above, by its name; 0 if there is none of that name. Of every one library.py has a mirror. */
@@ -148,6 +156,9 @@ int64_t rover_vector_bits(void);
 /* Rows of what is said of a moment: ROVER_OUTPUTS numbers by time or rover */
 enum { ROVER_X, ROVER_SPEED, ROVER_FRONT, ROVER_REAR, ROVER_HEIGHT, ROVER_SLOPE, ROVER_OUTPUTS };
 
+/* Speeds (m/s, positive uphill) at slopes and masses. */
+void rover_release_speeds(const rover_release *release, int64_t count, const double *slope_rad, const double *mass_kg,
+                          double *speed_m_s);
 /* A rover that begins to move, at 0. */
 void rover_start(const rover_law *law, double mass_kg, double start_speed_m_s, rover_state *state);
 /* What there is to say of states, (ROVER_OUTPUTS, count). */

@@ -6,15 +6,15 @@ from collections.abc import Iterable
 from typing import Any
 
 from rover_twin_client import calls
-from rover_twin_client._async.training_client import AsyncTrainingClient
+from rover_twin_client._async.drives_client import AsyncDrivesClient
 from rover_twin_client.answers import Frame, MobilityMap, ModelInfo, Prediction, Readiness, SuggestedRuns
 
 
-class AsyncRoverTwin(AsyncTrainingClient):
+class AsyncRoverTwin(AsyncDrivesClient):
     """A client of one rover-twin service. Use it from one event loop. Close it, or use it in `async with`.
 
-    It predicts and describes models; `AsyncTrainingClient` adds datasets, training jobs and aliases. `AsyncConnection`
-    explains the arguments.
+    It predicts and describes models; `AsyncDrivesClient` adds drives and steps, `AsyncTrainingClient` datasets,
+    training jobs and aliases. `AsyncConnection` explains the arguments.
     """
 
     async def predict(

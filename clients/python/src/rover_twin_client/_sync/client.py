@@ -7,15 +7,15 @@ from collections.abc import Iterable
 from typing import Any
 
 from rover_twin_client import calls
-from rover_twin_client._sync.training_client import TrainingClient
+from rover_twin_client._sync.drives_client import DrivesClient
 from rover_twin_client.answers import Frame, MobilityMap, ModelInfo, Prediction, Readiness, SuggestedRuns
 
 
-class RoverTwin(TrainingClient):
+class RoverTwin(DrivesClient):
     """A client of one rover-twin service. Threads may share it. Close it, or use it in `with`.
 
-    It predicts and describes models; `TrainingClient` adds datasets, training jobs and aliases. `Connection`
-    explains the arguments.
+    It predicts and describes models; `DrivesClient` adds drives and steps, `TrainingClient` datasets,
+    training jobs and aliases. `Connection` explains the arguments.
     """
 
     def predict(

@@ -1,0 +1,106 @@
+"""Steps of rovers that a simulator drives, over one WebSocket or one request each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import TracebackType
+from typing import Self
+
+from rover_twin_client._async.connection import AsyncConnection
+from rover_twin_client.drives import Moment, Transport
+from rover_twin_client.errors import ConnectionFailedError
+from rover_twin_client.socket_async import AsyncSocket
+from rover_twin_client.stepping import LIVE_PATH, USUAL_DT_S, Rovers, RoverStep, only
+
+
+class AsyncLive:
+    """Steps rovers, one call after the other. Make it with `AsyncRoverTwin.live`, and use it in `async with`.
+
+    Every answer brings the rover's state, so that nothing is lost when the connection breaks: the next step goes on
+    from the last state, at whichever replica answers then. One step at a time: it is not for several tasks at once.
+    """
+
+    def __init__(self, connection: AsyncConnection, model: str | None, transport: Transport) -> None:
+        if transport not in ("websocket", "http"):
+            raise ValueError(f"transport is {transport!r}, allowed is 'websocket' or 'http'")
+        self._connection = connection
+        self._rovers = Rovers(model)
+        self._socket = AsyncSocket(connection._url, LIVE_PATH) if transport == "websocket" else None
+        self._known: set[str] = set()  # to the other end of the present WebSocket
+
+    def start(self, id: str, mass_kg: float, start_speed_m_s: float | None = None) -> None:  # noqa: A002
+        """A rover of this mass that begins to move with its next step.
+
+        Without a speed it is parked and let go, as in the simulations. A rover of the same `id` is forgotten. Raises
+        InvalidInputError for what is not a number; the service checks ranges with the first step.
+        """
+        self._known.discard(id)
+        self._rovers.start(id, mass_kg, start_speed_m_s)
+
+    def resume(self, states: Mapping[str, str]) -> None:
+        """Rovers that go on from states (`states`), which another client or another service may have answered."""
+        self._known.difference_update(states)
+        self._rovers.resume(states)
+
+    def forget(self, id: str) -> None:  # noqa: A002
+        """Drops a rover here. The service drops it with the connection."""
+        self._rovers.forget(id)
+
+    @property
+    def states(self) -> dict[str, str]:
+        """The last state of each rover that has moved."""
+        return self._rovers.states
+
+    async def step(
+        self,
+        id: str,  # noqa: A002
+        slope_deg: float,
+        torque_nm: float = 0.0,
+        dt_s: float = USUAL_DT_S,
+        *,
+        brake: bool = False,
+    ) -> Moment:
+        """Moves one rover on by `dt_s` seconds under this slope and torque, or with locked wheels.
+
+        `slope_deg` is the slope under the rover's middle, `torque_nm` the stall torque of each wheel's motor. Raises
+        InvalidInputError for a value out of range and for a rover that was not started; the rover then stays where it
+        was. Raises ConnectionFailedError and TimedOutError when the service does not answer, after further tries.
+        """
+        return only(await self.step_many([RoverStep(id, slope_deg, torque_nm, brake, dt_s)]), id)
+
+    async def step_many(self, steps: Iterable[RoverStep]) -> list[Moment]:
+        """Moves many rovers on at once, each by its own `dt_s`: their moments in the same order.
+
+        Raises what `step` raises, for the first rover that was refused; the others have moved then.
+        """
+        asked = list(steps)
+        if self._socket is None:
+            return await self._connection._answer(self._rovers.call(asked))
+        for again in reversed(range(self._connection._retries + 1)):
+            if not self._socket.is_open:
+                self._known.clear()
+            try:
+                answer = await self._socket.exchange(self._rovers.message(asked, self._known))
+            except ConnectionFailedError:
+                # Nothing is lost: what was answered has its state here, what was not is asked again from there.
+                self._known.clear()
+                if not again:
+                    raise
+                continue
+            moments = self._rovers.read(answer)
+            self._known.update(each.id for each in moments)
+            return moments
+        raise AssertionError("the last try returns or raises")
+
+    async def aclose(self) -> None:
+        """Closes the connection; the states stay readable."""
+        if self._socket is not None:
+            await self._socket.aclose()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.aclose()

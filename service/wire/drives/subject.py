@@ -1,0 +1,146 @@
+"""A drive to write, in every form that a prediction has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy.typing as npt
+
+from service.twin import Frame, Loaded
+from service.twin.drives import Drive, DriveDomain
+from service.wire.forms.numbers import times_text
+from service.wire.forms.subject import ORDERS, Picture, Stage, headers_of, model_of, unit_of
+
+_LABELS = {
+    "x_m": {"slope": "x, m\nalong the track", "world": "x, m\nhorizontal"},
+    "y_m": {"slope": "y, m\nnormal to it"},
+    "z_m": {"world": "z, m\nup"},
+}
+_MOST_MARKS = 12
+_UNITS = {"brake": "", "slip_ratio": "1", "slope_deg": "deg", "torque_nm": "N m"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveSubject:
+    """One drive. Its band is written whenever it has one: it has none unless asked for. A `Writable`."""
+
+    loaded: Loaded
+    drive: Drive
+
+    def columns(self) -> Mapping[str, npt.NDArray[Any]]:
+        """Trajectory and band."""
+        band = self.drive.band
+        return self.drive.trajectory if band is None else {**self.drive.trajectory, **band.columns()}
+
+    def scalars(self) -> Mapping[str, object]:
+        """Summary, events and stretches."""
+        return {
+            "summary": self.drive.summary,
+            "events": self.drive.events,
+            "stretches": self.drive.domain.stretches,
+        }
+
+    def echo(self) -> dict[str, Any]:
+        """The drive as it was understood."""
+        asked = self.drive.question
+        return {
+            "mass_kg": asked.mass_kg,
+            "knots": len(asked.ground.distance_m),
+            "controls": len(asked.controls.time_s),
+            "start_speed_m_s": asked.start_speed_m_s,
+            "horizon_s": asked.horizon_s,
+            "until_distance_m": asked.until_distance_m,
+        }
+
+    def answer(self) -> dict[str, Any]:
+        """`service.wire.drives.answer.DriveAnswer`."""
+        drive = self.drive
+        answer: dict[str, Any] = {
+            "model": model_of(self.loaded),
+            "drive": self.echo(),
+            "frame": drive.frame,
+            "trajectory": drive.trajectory | {"time_s": times_text(drive.trajectory["time_s"])},
+        }
+        if drive.band is not None:
+            answer["band"] = {"level": drive.band.level, **drive.band.columns()}
+        return answer | self._rest()
+
+    def _rest(self) -> dict[str, Any]:
+        drive = self.drive
+        return {
+            "events": drive.events,
+            "events_left_out": drive.events_left_out,
+            "summary": drive.summary,
+            "domain": domain_of(drive.domain),
+        }
+
+    def about(self) -> dict[str, Any]:
+        """Everything that is no column."""
+        drive = self.drive
+        band = {} if drive.band is None else {"band": {"level": drive.band.level}}
+        return {
+            "model": model_of(self.loaded),
+            "drive": self.echo(),
+            "frame": drive.frame.value,
+            "units": {name: unit_of_drive(name) for name in self.columns()},
+            **self._rest(),
+            **band,
+        }
+
+    def headers(self) -> dict[str, str]:
+        """Model, frame, domain, outcome and the band's level, if there is one."""
+        drive = self.drive
+        level = {} if drive.band is None else {"Rover-Twin-Band-Level": f"{drive.band.level:.12g}"}
+        return {
+            **headers_of(self.loaded, drive.frame, drive.domain.inside),
+            "Rover-Twin-Outcome": drive.summary.outcome.value,
+            **level,
+        }
+
+    def picture(self) -> Picture:
+        """Position, speed, slope and torque, with the events."""
+        drive, twin = self.drive, self.loaded.twin
+        outside = "" if drive.domain.inside else ", partly OUTSIDE the domain: extrapolated"
+        band = "" if drive.band is None else f", band {drive.band.level:.3g}"
+        title = (
+            f"Drive of {drive.question.mass_kg:g} kg over {drive.summary.duration_s:.4g} s: "
+            f"{drive.summary.outcome}{outside}\n{twin.name}@{twin.version}, {drive.frame} frame{band}"
+        )
+        where = tuple((name, _LABELS[name][drive.frame]) for name in drive.position_names)
+        more = ("speed_m_s", "speed, m/s"), ("slope_deg", "slope, °\nunder the middle"), ("torque_nm", "torque, N m")
+        marks = tuple((each.time_s, each.event.value.replace("_", " ")) for each in drive.events[:_MOST_MARKS])
+        return Picture(title, (*where, *more), marks)
+
+    def stage(self) -> Stage:
+        """The world in both frames, since a track bends; the rover's pitch is the slope under its middle."""
+        drive, twin = self.drive, self.loaded.twin
+        across, up = drive.world_m()
+        told = drive.position_names if drive.frame is Frame.WORLD else ()
+        doc = (
+            f"{twin.name}@{twin.version}: rear wheel's centre of a rover on a track; columns in the {drive.frame} frame"
+        )
+        order, axes = ORDERS[Frame.WORLD], "X horizontal; Z up"
+        return Stage(across, up, drive.trajectory["slope_deg"], told, order, axes, doc)
+
+
+def unit_of_drive(column: str) -> str:
+    """The unit of a column; empty for true and false."""
+    return _UNITS[column] if column in _UNITS else unit_of(column)
+
+
+def domain_of(domain: DriveDomain) -> dict[str, Any]:
+    """The verdict as every answer shows it."""
+    stretches = [
+        {
+            "from_m": each.from_m,
+            "to_m": each.to_m,
+            "from_s": each.from_s,
+            "to_s": each.to_s,
+            "inside": each.inside,
+            "reasons": [asdict(reason) | {"detail": reason.detail} for reason in each.reasons],
+        }
+        for each in domain.stretches
+    ]
+    return {"inside": domain.inside, "stretches": stretches, "left_out": domain.left_out}

@@ -1,0 +1,1 @@
+"""Steps of many rovers as they are asked and answered, by HTTP and over a connection that stays."""
