@@ -135,7 +135,7 @@ class Live:
 
     def put(self, ids: Sequence[str], states: Array) -> None:
         """Puts rovers into states (rover, STATE_SIZE) that are known to be right; the array is not used elsewhere."""
-        if not self._rows:
+        if not self._rows and len(set(ids)) == len(ids):
             self._rows = {name: row for row, name in enumerate(ids)}
             self._states, self._free = states, []
             return
