@@ -11,36 +11,43 @@
     live.start("rover", mass_kg=430, slope_deg=10)
     print(live.step("rover", slope_deg=10, torque_nm=100, dt_s=0.1).x_m)
 
-The answers are those of `/v1/predictions`, `/v1/drives` and `/v1/steps`. Nothing here imports the web, or reads the
-environment. Loading takes a tenth of a second, a prediction or a drive about a millisecond.
+Questions are read as `/v1/predictions` and `/v1/drives` read them, with the same ranges, and have the same answers;
+`live` moves rovers as `/v1/steps` does. Nothing here imports the web, or reads the environment. Loading takes a tenth
+of a second, a prediction or a drive about a millisecond.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NoReturn, TypeAlias, TypeVar
 
 import numpy as np
+from pydantic import BaseModel, ValidationError
 
 import model_store
 from model_store import ModelStore
 from service.errors import InvalidValueError
-from service.learning.band import USUAL_LEVEL
-from service.learning.drive.inputs import Controls
 from service.physics.scenario import Array
-from service.twin import Frame, Prediction, Scenario, Twin, sample_times
-from service.twin.drives import HORIZON_S, LONGEST_S, Drive, DriveQuestion, Ground, Wanted, controls_of, drive
+from service.twin import Prediction, Twin
+from service.twin.drives import Drive, drive
 from service.twin.load import load_twin
 from service.twin.steps import Live, Moments
+from service.wire.drives.question import WORDS, DriveBody
+from service.wire.faults import faults_of
+from service.wire.prediction import ALLOWED, PredictionBody, require_few_points
 
 Track: TypeAlias = Mapping[str, Sequence[float] | Array]
 Told: TypeAlias = float | Mapping[str, Any]
+Asked = TypeVar("Asked", bound=BaseModel)
+
+MAX_POINTS = 100_000
+"""Of one answer, as in the service."""
 
 _SHIPPED = Path(model_store.__file__).parent  # the models lie beside the modules
-_TRACKS = ({"distance_m", "slope_deg"}, {"horizontal_m", "elevation_m"})
 
 
 def load(model: str = "viper-lunar@champion", store: str | PathLike[str] | None = None) -> LocalTwin:
@@ -49,6 +56,8 @@ def load(model: str = "viper-lunar@champion", store: str | PathLike[str] | None 
     `store` is a directory or a URL of a store; without it the models that ship with the program. Raises what the store
     raises (`model_store.StoreError`), and CheckpointError for a version that is whole but cannot predict.
     """
+    if not isinstance(model, str):
+        raise InvalidValueError("model", model, "name, name@version or name@alias")
     opened = ModelStore.open(fspath(store) if store is not None else str(_SHIPPED))
     resolved = opened.resolve(model)
     return LocalTwin(load_twin(opened, resolved.name, resolved.version))
@@ -70,29 +79,33 @@ class LocalTwin:
         slope_deg: float,
         mass_kg: float,
         torque_nm: float,
-        horizon_s: float = 10.0,
+        horizon_s: float | None = None,
         *,
-        dt_s: float = 0.05,
+        dt_s: float | None = None,
         times_s: Sequence[float] | Array | None = None,
-        frame: str = "slope",
-        include: Sequence[str] = (),
-        band_level: float = USUAL_LEVEL,
+        frame: str | None = None,
+        include: str | Sequence[str] = (),
+        band_level: float | None = None,
     ) -> Prediction:
         """Where the rover goes from rest on a constant slope, with this stall torque of each wheel's motor.
 
-        With `times_s`, rising, the last of them is the horizon. `include` may name `prior`, `band`, `speed` and
-        `wheel_speed`. Raises InvalidValueError, which names field, value and what is allowed.
+        `horizon_s` is 10 s and `dt_s` 0.05 s where nothing is said; with `times_s`, rising, the last of them is the
+        horizon. `include` may name `prior`, `band`, `speed` and `wheel_speed`. Raises InvalidValueError, which names
+        field, value and what is allowed.
         """
-        _require_parts(include, ("prior", "band", "speed", "wheel_speed"))
-        times = sample_times(horizon_s, dt_s) if times_s is None else _rising("times_s", times_s)
+        scenario = {"slope_deg": slope_deg, "mass_kg": mass_kg, "torque_nm": torque_nm, "horizon_s": horizon_s}
+        sampling = {"dt_s": dt_s, "times_s": times_s, "frame": frame, "band_level": band_level}
+        asked = _read(PredictionBody, scenario | sampling | _parts(include), ALLOWED)
+        require_few_points(asked, MAX_POINTS)
+        question, times = asked.sampled()
         return self.twin.predict(
-            Scenario(slope_deg, mass_kg, torque_nm, float(times[-1])),
+            question,
             times,
-            _frame(frame),
-            band_level if "band" in include else None,
-            with_prior="prior" in include,
-            with_speed="speed" in include,
-            with_wheel_speed="wheel_speed" in include,
+            asked.frame,
+            asked.wanted_band_level,
+            with_prior=asked.wants_prior,
+            with_speed=asked.wants_speed,
+            with_wheel_speed=asked.wants_wheel_speed,
         )
 
     def drive(
@@ -104,11 +117,11 @@ class LocalTwin:
         start_speed_m_s: float | None = None,
         horizon_s: float | None = None,
         until_distance_m: float | None = None,
-        dt_s: float = 0.05,
+        dt_s: float | None = None,
         times_s: Sequence[float] | Array | None = None,
-        frame: str = "slope",
-        include: Sequence[str] = (),
-        band_level: float = USUAL_LEVEL,
+        frame: str | None = None,
+        include: str | Sequence[str] = (),
+        band_level: float | None = None,
     ) -> Drive:
         """Where the rover goes along a track whose slope changes, under controls that change.
 
@@ -117,62 +130,48 @@ class LocalTwin:
         after `horizon_s` (20 s; with a distance alone 600 s), or where it reaches `until_distance_m`. `include` may
         name `band` and `wheel_speed`. Raises InvalidValueError.
         """
-        _require_parts(include, ("band", "wheel_speed"))
-        times = None if times_s is None else _rising("times_s", times_s)
-        if horizon_s is None:
-            horizon_s = HORIZON_S if until_distance_m is None else LONGEST_S
-        question = DriveQuestion(
-            mass_kg=mass_kg,
-            ground=ground_of(track),
-            controls=_controls(controls),
-            start_speed_m_s=start_speed_m_s,
-            horizon_s=horizon_s if times is None else float(times[-1]),
-            until_distance_m=until_distance_m,
-        )
-        wanted = Wanted(dt_s, times, _frame(frame), "band" in include, band_level, "wheel_speed" in include)
-        return drive(self.twin, question, wanted)
+        what = {"mass_kg": mass_kg, "track": track, "controls": controls, "start_speed_m_s": start_speed_m_s}
+        until = {"horizon_s": horizon_s, "until_distance_m": until_distance_m}
+        sampling = {"dt_s": dt_s, "times_s": times_s, "frame": frame, "band_level": band_level}
+        asked = _read(DriveBody, what | until | sampling | _parts(include), WORDS)
+        return drive(self.twin, *asked.asked(MAX_POINTS))
 
     def live(self) -> Live:
         """Rovers by name that are moved on step by step: many at once, states out and in. For one thread."""
         return Live(self.twin)
 
 
-def ground_of(track: Track) -> Ground:
-    """The ground of a track. Raises InvalidValueError for one of other members, and what `Ground` raises."""
-    members = set(track) if isinstance(track, Mapping) else set()
-    if members not in _TRACKS:
-        allowed = "distance_m and slope_deg, or horizontal_m and elevation_m"
-        raise InvalidValueError("track", sorted(map(str, members)), allowed)
-    if "distance_m" in track:
-        return Ground.of_slopes(track["distance_m"], track["slope_deg"])
-    return Ground.of_elevations(track["horizontal_m"], track["elevation_m"])
+def _parts(include: str | Sequence[str]) -> dict[str, Any]:
+    parts = [include] if isinstance(include, str) else list(include)
+    return {"include": parts} if parts else {}
 
 
-def _controls(told: Told) -> Controls:
-    if not isinstance(told, Mapping):
-        return controls_of([0.0], [float(told)])
-    if not {"time_s", "torque_nm"} <= set(told) <= {"time_s", "torque_nm", "brake"}:
-        raise InvalidValueError("controls", sorted(map(str, told)), "time_s and torque_nm, and brake where wanted")
-    return controls_of(told["time_s"], told["torque_nm"], told.get("brake"))
-
-
-def _frame(name: str) -> Frame:
+def _read(model: type[Asked], sent: Mapping[str, Any], words: Mapping[str, str]) -> Asked:
+    """The question as the service would read it from JSON. Raises InvalidValueError for the first wrong field."""
+    needed = {name for name, field in model.model_fields.items() if field.is_required()}
+    document = {name: _plain(value) for name, value in sent.items() if value is not None or name in needed}
     try:
-        return Frame(name)
-    except ValueError:
-        raise InvalidValueError("frame", name, " or ".join(Frame)) from None
+        # numbers must be numbers and flags flags, all the way down: so pydantic is only with JSON
+        return model.model_validate_json(json.dumps(document, default=str), strict=True)
+    except ValidationError as error:
+        _refuse(error, words)
 
 
-def _rising(field: str, values: Sequence[float] | Array) -> Array:
-    times = np.asarray(values, dtype=np.float64)
-    if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or times[0] < 0 or (np.diff(times) <= 0).any():
-        raise InvalidValueError(field, "other times", "one or more rising times from 0 on, in s")
-    return times
+def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever a caller has
+    """Arrays and numbers of NumPy, and sequences, as JSON would have them."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {name: _plain(each) for name, each in value.items()}
+    if isinstance(value, list | tuple | range):
+        return [_plain(each) for each in value]
+    return value
 
 
-def _require_parts(include: Sequence[str], known: tuple[str, ...]) -> None:
-    if strangers := [each for each in include if each not in known]:
-        raise InvalidValueError("include", strangers[0], "of " + ", ".join(known))
+def _refuse(error: ValidationError, words: Mapping[str, str]) -> NoReturn:
+    errors: list[dict[str, Any]] = [{**each, "loc": ("", *each["loc"])} for each in error.errors(include_url=False)]
+    fault = faults_of(errors, words)[0]
+    raise InvalidValueError(fault.field, fault.value, fault.allowed) from None
 
 
 __all__ = ["Drive", "Live", "LocalTwin", "Moments", "Prediction", "Track", "load"]

@@ -26,18 +26,19 @@ def running_on(cpu: int) -> Iterator[None]:
         os.sched_setaffinity(0, before)
 
 
-def described() -> str:
-    """Processor, memory and versions, in Markdown."""
+def described(*, serving: bool = True) -> str:
+    """Processor, memory and versions, in Markdown; when `serving`, who had which processor."""
     facts = dict(
         line.split(":", 1) for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines() if ":" in line
     )
     processor = next((value.strip() for name, value in facts.items() if name.strip() == "model name"), "")
     memory_gib = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**30
     count = len(_CPUS)
-    where = "one for the server, another one for the client" if count > 1 else "shared by server and client"
+    where = " (one for the server, another one for the client)" if count > 1 else " (shared by server and client)"
+    where = where if serving else ""
     libraries = ", ".join(f"{name} {version(name)}" for name in _LIBRARIES)
     return (
-        f"{processor or platform.machine()}, {count} processor{'s' * (count > 1)} ({where}), {memory_gib:.0f} GiB, "
+        f"{processor or platform.machine()}, {count} processor{'s' * (count > 1)}{where}, {memory_gib:.0f} GiB, "
         f"{platform.system()} {platform.release().split('-')[0]}. Python {platform.python_version()}, {libraries}."
     )
 

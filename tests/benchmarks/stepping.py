@@ -47,8 +47,8 @@ class Times:
 
 
 def begin(name: str) -> dict[str, object]:
-    """A rover's first step."""
-    return {"id": name, "start": {"mass_kg": 430.0}, **_TOLD}
+    """A rover's first step: its first second."""
+    return {"id": name, "start": {"mass_kg": 430.0}, **_TOLD, "dt_s": 1.0}
 
 
 def framed(content: bytes) -> bytes:

@@ -24,6 +24,7 @@ from rover_twin_client import (
     FailedDrive,
     InvalidInputError,
     Moment,
+    NotFoundError,
     OutsideDomainError,
     RoverStep,
     RoverTwin,
@@ -264,3 +265,10 @@ class TestScripts:
         assert done.returncode == 1
         assert len(done.stdout.splitlines()) == 1
         assert done.stderr == "steps.sh: slope_deg is 99, allowed is -45 to 45\n"
+
+
+def test_a_message_that_is_refused_whole_says_why(url: str) -> None:
+    with RoverTwin(url) as twin, twin.live(model="nobody") as live:
+        live.start("rover", mass_kg=430)
+        with pytest.raises(NotFoundError, match="no model 'nobody'"):
+            live.step("rover", 10, 100)

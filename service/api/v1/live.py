@@ -20,10 +20,10 @@ from service.api.http.errors import problem, problem_members, told
 from service.api.http.reading import parsed
 from service.api.http.worker_threads import OverloadedError
 from service.api.services import Services
-from service.api.v1.stepping import problems, stepped
+from service.api.v1.stepping import Stepping, problems
 from service.wire.steps.answer import encode_steps
-from service.wire.steps.fleet import Fleet
-from service.wire.steps.question import STEPS_WORDS, read_steps
+from service.wire.steps.fleet import Fleet, Stepped
+from service.wire.steps.question import STEPS_WORDS, StepsQuestion, read_steps
 
 PATH = "/v1/live"
 MAX_MESSAGE_BYTES = 4 << 20
@@ -32,7 +32,6 @@ MAX_MESSAGE_BYTES = 4 << 20
 GOING_AWAY, SLOW, FAILED, IDLE = 1001, 1008, 1011, 4408
 """Close codes."""
 
-_READ_AT_ONCE_BYTES = 16_384  # on the event loop
 _log = structlog.get_logger(__name__)
 
 
@@ -107,17 +106,15 @@ class LiveConnection:
 
     async def _answer(self, content: bytes) -> bytes:
         """What is answered to one message; whatever is wrong with it, the connection goes on."""
-        services = self._services
-        try:
-            if len(content) <= _READ_AT_ONCE_BYTES:
-                document = parsed(content, STEPS_WORDS)
-                question = read_steps(document, live=True, most=self._most)
-            else:
-                question = await services.predictions.run(
-                    lambda: read_steps(parsed(content, STEPS_WORDS), live=True, most=self._most)
-                )
-            found = await stepped(question, self._fleet, services, PATH)
+
+        def read() -> StepsQuestion:
+            return read_steps(parsed(content, STEPS_WORDS), live=True, most=self._most)
+
+        def answer(question: StepsQuestion, found: Stepped) -> bytes:
             return encode_steps(found, problems(question, found, PATH), with_state=question.with_state)
+
+        try:
+            return await Stepping(self._services, PATH, self._fleet, read, answer).done(len(content))
         except Exception as error:
             described = told(error, PATH)
             return orjson.dumps({"error": {**problem_members(described), **described.members}})

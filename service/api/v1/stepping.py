@@ -1,10 +1,11 @@
-"""What `/v1/steps` and `/v1/live` have in common: finding the versions, stepping, and what went wrong."""
+"""What `/v1/steps` and `/v1/live` have in common: reading, finding the versions, stepping, and what went wrong."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 from model_store import StoreError
 from service.api.http.errors import problem_members, told
@@ -15,49 +16,74 @@ from service.wire.faults import MAX_SHOWN
 from service.wire.steps.fleet import Fleet, Stepped, Travelled, travelled
 from service.wire.steps.question import StepsQuestion
 
-# On the event loop, for handing them to a thread takes longer: so many rovers, and seconds of all of them together
-_ROVERS_AT_ONCE, _SECONDS_AT_ONCE = 16, 2.0
+Result = TypeVar("Result")
+
+# On the event loop, for handing them to a thread takes longer: bytes that are read, rovers, seconds of all of them
+_BYTES_AT_ONCE, _ROVERS_AT_ONCE, _SECONDS_AT_ONCE = 16_384, 16, 2.0
 
 
-async def stepped(question: StepsQuestion, fleet: Fleet, services: Services, path: str) -> Stepped:
-    """Moves rovers on. Raises what `Services.twin` raises of a model that the question names, and OverloadedError."""
-    if is_small(question):
-        came = travelled(question)
-        return _counted(question, fleet, came, await _loaded(question, came, services), services, path)
-    came = await services.predictions.run(lambda: travelled(question))
-    loaded = await _loaded(question, came, services)
-    return await services.predictions.run(lambda: _counted(question, fleet, came, loaded, services, path))
+@dataclass(frozen=True, slots=True)
+class Stepping(Generic[Result]):
+    """How one request or message is read, which rovers it moves, and what is made of that."""
+
+    services: Services
+    path: str
+    fleet: Fleet
+    read: Callable[[], StepsQuestion]
+    answer: Callable[[StepsQuestion, Stepped], Result]
+
+    async def done(self, size_bytes: int) -> Result:
+        """Raises what `read` raises, what `Services.twin` raises of a model that is named, and OverloadedError."""
+        question = self.read() if size_bytes <= _BYTES_AT_ONCE else None
+        if question is not None and _is_small(question):
+            came = travelled(question)
+            loaded = self._resident(came)
+            return self._finished(question, came, await self._loaded(question, came) if loaded is None else loaded)
+
+        def in_one_go() -> tuple[StepsQuestion, Travelled, Result | None]:
+            asked = self.read() if question is None else question
+            came = travelled(asked)
+            loaded = self._resident(came)
+            return asked, came, None if loaded is None else self._finished(asked, came, loaded)
+
+        asked, came, result = await self.services.predictions.run(in_one_go)
+        if result is not None:
+            return result
+        late = await self._loaded(asked, came)
+        return await self.services.predictions.run(lambda: self._finished(asked, came, late))
+
+    def _resident(self, came: Travelled) -> dict[str, Loaded | Exception] | None:
+        """The versions that are needed; None if one of them is not in memory."""
+        found: dict[str, Loaded | Exception] = {}
+        for reference in came.references:
+            loaded = self.services.registry.resident(reference or None)
+            if loaded is None:
+                return None
+            found[reference] = loaded
+        return found
+
+    async def _loaded(self, question: StepsQuestion, came: Travelled) -> dict[str, Loaded | Exception]:
+        found: dict[str, Loaded | Exception] = {}
+        for reference in came.references:
+            try:
+                found[reference] = await self.services.twin(reference or None)
+            except (RoverTwinError, StoreError) as error:
+                if reference and reference == question.model:
+                    raise
+                found[reference] = error
+        return found
+
+    def _finished(self, question: StepsQuestion, came: Travelled, loaded: Mapping[str, Loaded | Exception]) -> Result:
+        began = time.perf_counter()
+        found = self.fleet.step(question, came, loaded)
+        took = time.perf_counter() - began
+        self.services.instruments.stepped(self.path, len(found), len(found.failures), took)
+        return self.answer(question, found)
 
 
-def is_small(question: StepsQuestion) -> bool:
+def _is_small(question: StepsQuestion) -> bool:
     """Whether it is answered in well under a millisecond."""
     return len(question) <= _ROVERS_AT_ONCE and float(question.dt_s.sum()) <= _SECONDS_AT_ONCE
-
-
-async def _loaded(question: StepsQuestion, came: Travelled, services: Services) -> dict[str, Loaded | Exception]:
-    found: dict[str, Loaded | Exception] = {}
-    for reference in came.references:
-        try:
-            found[reference] = await services.twin(reference or None)
-        except (RoverTwinError, StoreError) as error:
-            if reference and reference == question.model:
-                raise
-            found[reference] = error
-    return found
-
-
-def _counted(
-    question: StepsQuestion,
-    fleet: Fleet,
-    came: Travelled,
-    loaded: Mapping[str, Loaded | Exception],
-    services: Services,
-    path: str,
-) -> Stepped:
-    began = time.perf_counter()
-    found = fleet.step(question, came, loaded)
-    services.instruments.stepped(path, len(found), len(found.failures), time.perf_counter() - began)
-    return found
 
 
 def problems(question: StepsQuestion, found: Stepped, path: str) -> list[dict[str, Any]]:

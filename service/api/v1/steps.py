@@ -14,7 +14,7 @@ from service.api.http.openapi import inlined_schema, problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import parsed, require_json
 from service.api.services import TheServices
-from service.api.v1.stepping import is_small, problems, stepped
+from service.api.v1.stepping import Stepping, problems
 from service.wire.steps.answer import StepsAnswer, encode_steps
 from service.wire.steps.arrow import encode_arrow_steps, read_arrow_steps
 from service.wire.steps.fleet import Fleet, Stepped
@@ -25,8 +25,6 @@ PATH = "/v1/steps"
 ARROW = STEPS_MEDIA_TYPES[StepsFormat.ARROW]
 MAX_BODY_BYTES = 24 << 20
 """Of ten thousand rovers with their states."""
-
-_READ_AT_ONCE_BYTES = 16_384  # on the event loop
 
 _ARROW_QUESTION = (
     "Arrow IPC stream, a row for each rover: `id`, `slope_deg`, `dt_s`, `torque_nm`, `brake`, `state` (binary), and "
@@ -85,18 +83,15 @@ async def post_steps(form: Annotated[StepsQuery, Query()], request: Request, ser
     if not arrow:
         require_json(request)
     body = await request.body()
-    if len(body) <= _READ_AT_ONCE_BYTES and not arrow:
-        question = _read(body)
-    else:
-        question = await services.predictions.run(lambda: read_arrow_steps(body) if arrow else _read(body))
-    found = await stepped(question, Fleet(MAX_ROVERS), services, PATH)
-    if is_small(question) and wanted is StepsFormat.JSON:
+
+    def read() -> StepsQuestion:
+        return read_arrow_steps(body) if arrow else read_steps(parsed(body, STEPS_WORDS))
+
+    def answer(question: StepsQuestion, found: Stepped) -> Response:
         return _answer(question, found, wanted)
-    return await services.predictions.run(lambda: _answer(question, found, wanted))
 
-
-def _read(body: bytes) -> StepsQuestion:
-    return read_steps(parsed(body, STEPS_WORDS))
+    size = len(body) if not arrow and wanted is StepsFormat.JSON else MAX_BODY_BYTES  # Arrow is never quick
+    return await Stepping(services, PATH, Fleet(MAX_ROVERS), read, answer).done(size)
 
 
 def _answer(question: StepsQuestion, found: Stepped, form: StepsFormat) -> Response:

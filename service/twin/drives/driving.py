@@ -121,8 +121,7 @@ class _Answer:
                     raise self._not_finite()
             trajectory = self._columns(shown)
             ground = self._question.ground
-            last = ground.last_m if len(ground.distance_m) > 1 else None
-            events, left_out = events_of(own, self._told.driven, self._ahead_m, last, arrived is not None)
+            events, left_out = events_of(own, self._told.driven, self._ahead_m, ground.end_m, arrived is not None)
             slopes = trajectory["slope_deg"] if shown is own else self._slopes_deg(own)
             band = self._band(shown) if self._wanted.band else None
             found = Drive(

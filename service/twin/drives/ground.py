@@ -30,11 +30,13 @@ class Ground:
     """Knots: distance (m) along the surface from where the rear wheel starts, rising, and slope (deg, positive uphill).
 
     Raises InvalidValueError for no knots, columns of unequal lengths, distances that do not rise, slopes that are
-    vertical or steeper, and numbers that are not finite.
+    vertical or steeper, and numbers that are not finite. `end_m` is where the track as it was given ends; None for one
+    of a single knot, which goes on for ever.
     """
 
     distance_m: Array
     slope_deg: Array
+    end_m: float | None = None
     track: Track = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -59,7 +61,8 @@ class Ground:
     @classmethod
     def of_slopes(cls, distance_m: Sequence[float] | Array, slope_deg: Sequence[float] | Array) -> Ground:
         """From slopes at distances along the surface."""
-        return cls(np.asarray(distance_m, dtype=np.float64), np.asarray(slope_deg, dtype=np.float64))
+        knots = np.asarray(distance_m, dtype=np.float64)
+        return cls(knots, np.asarray(slope_deg, dtype=np.float64), float(knots[-1]) if knots.shape > (1,) else None)
 
     @classmethod
     def constant(cls, slope_deg: float) -> Ground:
@@ -96,12 +99,7 @@ class Ground:
         middles = 0.5 * (knots[1:] + knots[:-1]) - start
         if not (np.diff(middles) > 0).all():
             raise InvalidValueError("track.horizontal_m", "places too near each other", "places that can be told apart")
-        return cls(middles, slopes)
-
-    @property
-    def last_m(self) -> float:
-        """Where the last knot is."""
-        return float(self.distance_m[-1])
+        return cls(middles, slopes, float(knots[-1] - start))
 
     def slopes_at(self, distance_m: Array) -> Array:
         """Slopes (deg) at distances (m), of one shape."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +16,7 @@ from service.learning.drive.state import FORMAT, SIZE
 from service.physics.scenario import Array
 from service.twin.moment import moves, slip_ratio, slip_ratios
 from service.twin.steps.half_width import CARRIED, PART_S, HalfWidths
-from service.twin.steps.states import StateError
+from service.twin.steps.states import StateError, some_at_once
 from service.twin.steps.verdict import StepDomain
 from service.twin.twin import Twin
 
@@ -47,6 +49,17 @@ class Moments:
     moving: npt.NDArray[np.bool_]
     outside_of: list[list[str]]
     finite: npt.NDArray[np.bool_] | None = None
+
+    @classmethod
+    def together(cls, parts: Sequence[Moments]) -> Moments:
+        """Those of all parts, one after the other."""
+        names = [each.name for each in fields(cls) if each.name not in _NO_COLUMNS]
+        columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        outside = [each for part in parts for each in part.outside_of]
+        if all(part.finite is None for part in parts):
+            return cls(**columns, outside_of=outside)
+        finite = [np.ones(len(part.x_m), dtype=np.bool_) if part.finite is None else part.finite for part in parts]
+        return cls(**columns, outside_of=outside, finite=np.concatenate(finite))
 
     def only(self, rows: npt.NDArray[np.intp]) -> Moments:
         """Those of some rovers."""
@@ -107,7 +120,11 @@ class Stepper:
         The slope holds under each rover's middle during its step.
         """
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # states may be forged
-            return self._advanced(states, slope_deg, torque_nm, brake, dt_s)
+            parts = [
+                self._advanced(states[rows], slope_deg[rows], torque_nm[rows], brake[rows], dt_s[rows])
+                for rows in some_at_once(len(states))
+            ]
+        return parts[0] if len(parts) == 1 else Moments.together(parts)
 
     def _advanced(
         self, states: Array, slope_deg: Array, torque_nm: Array, brake: npt.NDArray[np.bool_], dt_s: Array
@@ -160,3 +177,9 @@ class Stepper:
             carried, rates, masses = states[:, SIZE:], numbers[:, _RATE], numbers[:, _MASS]
             self._half_widths.carry(carried, rates, numbers[:, _TIME], masses, inputs, outputs[1])
         return outputs
+
+
+@lru_cache(maxsize=4)
+def stepper_of(twin: Twin) -> Stepper:
+    """The stepper of a twin, made once. Raises InvalidValueError for one that knows no steps."""
+    return Stepper(twin)

@@ -130,3 +130,12 @@ def test_what_is_no_drive_is_refused_by_the_name_of_its_field(make, field):
     with pytest.raises(InvalidValueError) as refused:
         make()
     assert refused.value.field == field
+
+
+def test_the_track_ends_where_the_last_elevation_is() -> None:
+    fine = Ground.of_elevations([0, 5, 10], [0, 0.5, 1])
+    coarse = Ground.of_elevations([0, 10], [0, 1])
+
+    assert fine.end_m == pytest.approx(np.hypot(10, 1))
+    assert coarse.end_m == pytest.approx(fine.end_m)
+    assert Ground.of_slopes([0], [5]).end_m is None

@@ -178,6 +178,14 @@ def test_rovers_come_and_go(twin):
         live.step("r8", slope_deg=0, torque_nm=0, dt_s=0.1)
 
 
+def test_a_rover_that_is_started_twice_at_once_is_one(twin):
+    live = Live(twin)
+    live.start(["a", "a"], mass_kg=[430, 550], slope_deg=20)
+    live.start("b", mass_kg=700, slope_deg=20)
+    assert len(live) == 2
+    assert live.stepper.masses_kg(live._states[live._rows_of(["a", "b"])]).tolist() == [550, 700]
+
+
 def test_starting_again_starts_anew(twin):
     live = Live(twin)
     live.start("a", mass_kg=430, slope_deg=20)

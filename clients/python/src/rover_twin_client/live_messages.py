@@ -9,7 +9,7 @@ import httpx
 
 from rover_twin_client.document import Node
 from rover_twin_client.errors import ConnectionFailedError, RoverTwinError, TimedOutError, UnexpectedAnswerError
-from rover_twin_client.stepping import refusal
+from rover_twin_client.responses import failure
 
 CONNECT_S = 3.0
 ANSWER_S = 30.0
@@ -38,12 +38,12 @@ def read(data: str | bytes) -> Node:
 def is_answer(node: Node) -> bool:
     """Whether a message answers what was sent; others tell that the service is about to end, and may be passed over.
 
-    Raises InvalidInputError when the whole message was refused.
+    Raises what a request would when the whole message was refused.
     """
     if node.get("event") is not None:
         return False
-    if node.get("type") is not None:
-        raise refusal(node)
+    if (error := node.get("error")) is not None:
+        raise failure(error["status"].whole(), {}, json.dumps(error.value).encode())
     return True
 
 
