@@ -19,6 +19,7 @@ static const double close_m_s = 1e-8;
 static const double locked_rim_m_s = 0.2;
 static const double most_speed_m_s = 20.0, most_force = 4.0, most_ratio = 1e3, most_by_speed = 2.0, least_rate = 0.05, most_rate = 1e4;
 static const double most_m = 1e9, most_dig = 1e3;
+static const double gone = 30.0; /* exp(-gone) = 1e-13 of what holds a stuck rover: nothing */
 
 static double smooth(double fraction)
 {
@@ -162,12 +163,16 @@ ROVER_INLINE void basis_sums(const rover_basis *basis, const double *scaled, con
 }
 
 #define SUMS_PARAMETERS (const rover_law *law, const double *scaled, const double *weights, double *sums)
-ROVER_INLINE void law_sums SUMS_PARAMETERS
+ROVER_INLINE void motion_sums SUMS_PARAMETERS
 {
     basis_sums(&law->motion, scaled, weights, 2, sums);
-    basis_sums(&law->stall, scaled, weights + 2 * law->motion.count, 1, sums + 2);
 }
-ROVER_VERSIONS(law_sums, SUMS_PARAMETERS, (law, scaled, weights, sums))
+ROVER_INLINE void stall_sums SUMS_PARAMETERS
+{
+    basis_sums(&law->stall, scaled, weights + 2 * law->motion.count, 1, sums);
+}
+ROVER_VERSIONS(motion_sums, SUMS_PARAMETERS, (law, scaled, weights, sums))
+ROVER_VERSIONS(stall_sums, SUMS_PARAMETERS, (law, scaled, weights, sums))
 
 /* Straight lines between values at knots, from zero at `low` to zero at `high`; flat up to the first knot if that is
  * `low` too. */
@@ -295,19 +300,31 @@ static void place_at(rover_place *place, const rover_state *state)
     if (same)
         return;
     place_polynomials(place);
-    place->summed = 0;
+    place->summed = place->stall_summed = 0;
 }
 
 static void place_sums(rover_place *place, const double *weights)
 {
     if (place->summed)
         return;
-    double sums[3];
-    ROVER_CALL(place->law->vector_bits, law_sums, (place->law, place->scaled, weights, sums));
+    double sums[2];
+    ROVER_CALL(place->law->vector_bits, motion_sums, (place->law, place->scaled, weights, sums));
     place->motion = sums[0];
     place->rut = sums[1];
-    place->stall = sums[2];
     place->summed = 1;
+}
+
+/* What holds a rover that barely moves; its sum is made only for one that is slow enough for it. */
+static double stuck_at(rover_place *place, const double *weights, double speed)
+{
+    double faster = (speed - place->parameters->gate_speed_m_s) / place->parameters->gate_width_m_s;
+    if (faster > gone)
+        return 0.0;
+    if (!place->stall_summed) {
+        ROVER_CALL(place->law->vector_bits, stall_sums, (place->law, place->scaled, weights, &place->stall));
+        place->stall_summed = 1;
+    }
+    return place->stall / (1.0 + rover_exp(faster));
 }
 
 /* The front slip where the rear wheel is: of the ring's cells, the oldest for what lies behind them. */
@@ -444,7 +461,7 @@ static void driven_cell(rover_place *place, const double *weights, rover_state *
                                      - p->back_hold_relief * rover_exp(-backed / p->back_hold_length_m))
             + share * place->back;
     }
-    double stuck = share * place->stall / (1.0 + rover_exp((speed - p->gate_speed_m_s) / p->gate_width_m_s));
+    double stuck = share * stuck_at(place, weights, speed);
     double level_slope = level * (1.0 - turning * turning) / p->turning_speed_m_s
         + (speed > 0.0 ? p->speed_resistance : 0.0);
     bounded_cell(place, state, traction - stuck, no_load, level * turning + state->offset,

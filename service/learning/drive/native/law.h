@@ -25,7 +25,7 @@ typedef struct {
     double early[4], along[3];            /* at their knots */
     double back;                          /* what the scenario adds where the rover goes back */
     double height[10];                    /* what its parts are multiplied with, see law_height */
-    int summed;                           /* whether there are these: what the bases make of it */
+    int summed, stall_summed;             /* whether there are these: what the bases make of it */
     double motion, rut, stall;
     int rolled;                           /* whether there is this: the end of the cell that was begun last */
     rover_rolled end;
