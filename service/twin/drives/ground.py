@@ -109,6 +109,8 @@ class Ground:
 
     def steepest(self, low_m: float, high_m: float) -> tuple[float, float]:
         """The slope (deg) of largest size between two distances, and the first distance (m) that has it."""
+        if len(self.slope_deg) == 1:
+            return float(self.slope_deg[0]), low_m
         first, last = np.searchsorted(self.distance_m, (low_m, high_m))
         places = np.concatenate([[low_m], self.distance_m[first:last], [high_m]])
         slopes = self.slopes_at(places)
