@@ -238,14 +238,19 @@ static void place_slope(rover_place *place, double slope_rad)
     double front = (law->centre_ahead_m * cosine - height * sine) / law->wheelbase_m - p->share_shift * cosine;
     place->front_share = rover_held(front, 0.02, 0.98);
     place->rear_share = rover_held(cosine - place->front_share, 0.02, 1.0);
+}
+
+static void place_load(rover_place *place)
+{
+    const rover_parameters *p = place->parameters;
     double load = log(place->rear_share * place->mass_kg / reference_load_kg);
     place->rear_slip_scale = rover_exp(p->rear_load_exponent * load) / p->rear_slip_scale;
     place->rut_slip_scale = rover_exp(p->rut_load_exponent * load) / p->rut_slip_scale;
     place->compaction = p->compaction * rover_exp(p->compaction_exponent * load);
 }
 
-/* Resistances and heights that are polynomials of the features */
-static void place_polynomials(rover_place *place)
+/* Resistances that are polynomials of the features */
+static void place_resistances(rover_place *place)
 {
     const rover_parameters *p = place->parameters;
     double f0 = place->scaled[0], f1 = place->scaled[1], f2 = place->scaled[2];
@@ -262,9 +267,13 @@ static void place_polynomials(rover_place *place)
         else
             place->back = sum;
     }
+}
+
+/* The parts of the height are polynomials too. */
+static void place_heights(rover_place *place)
+{
+    double f0 = place->scaled[0], f1 = place->scaled[1], f2 = place->scaled[2];
     const double *n = place->heights;
-    if (!n)
-        return;
     double m = place->mass_kg / reference_mass_kg, *to = place->height;
     const double base[6] = {1.0, f0, m, f2 * f2, f0 * f2, f0 * f0};
     to[0] = n[35] * f1;
@@ -299,19 +308,23 @@ static void place_at(rover_place *place, const rover_state *state)
     }
     if (same)
         return;
-    place_polynomials(place);
-    place->summed = place->stall_summed = 0;
+    if (place->heights)
+        place_heights(place);
+    place->driven = place->stall_summed = 0;
 }
 
-static void place_sums(rover_place *place, const double *weights)
+/* What only a rover needs whose wheels are not locked */
+static void place_driven(rover_place *place, const double *weights)
 {
-    if (place->summed)
+    if (place->driven)
         return;
+    place_load(place);
+    place_resistances(place);
     double sums[2];
     ROVER_CALL(place->law->vector_bits, motion_sums, (place->law, place->scaled, weights, sums));
     place->motion = sums[0];
     place->rut = sums[1];
-    place->summed = 1;
+    place->driven = 1;
 }
 
 /* What holds a rover that barely moves; its sum is made only for one that is slow enough for it. */
@@ -402,7 +415,7 @@ static void driven_cell(rover_place *place, const double *weights, rover_state *
 {
     const rover_parameters *p = place->parameters;
     const rover_law *law = place->law;
-    place_sums(place, weights);
+    place_driven(place, weights);
     double speed = state->speed_m_s, x = state->x_m + speed * state->cell_s * 0.5, no_load = law->rim_speed_m_s;
     double per_radius = 1.0 / law->wheel_radius_m;
     double ratio = place->ratio, share = ratio * ratio / (ratio * ratio + p->free_ratio * p->free_ratio);
