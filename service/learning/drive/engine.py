@@ -139,14 +139,10 @@ class Engine:
         )
         if time.ndim == 2:
             _require(len(time) == count, f"times {time.shape} do not fit {count} scenarios")
+        back = None
         if not _rise(time):
             _require(not np.isnan(time).any(), f"times must be 0 to {MOST_S:g} s")  # no order sorts them
-            order = np.argsort(time, axis=-1, kind="stable")
-            sorted_time = np.take_along_axis(time, order, -1)
-            found = self.constant(slopes, mass_kg, torque_nm, start_speed_m_s, sorted_time, offset)
-            back = np.broadcast_to(np.argsort(order, axis=-1), found[0].shape)
-            x, speed, front, rear, y = (np.take_along_axis(each, back, -1) for each in found)
-            return x, speed, front, rear, y
+            time, back = _sorted(time)
         _require_range(time)
         times = time.shape[-1]
         outputs = np.empty((5, count, times))
@@ -154,6 +150,10 @@ class Engine:
         self._library.rover_constant(
             self._address, count, address(scenarios), times, address(time), stride, address(outputs)
         )
+        if back is not None and time.ndim == 1:
+            outputs = outputs.take(back, axis=2)
+        elif back is not None:
+            outputs = np.take_along_axis(outputs, back[None], axis=2)
         return outputs[0], outputs[1], outputs[2], outputs[3], outputs[4]
 
     def height_features(self, start: State, track: Track, controls: Controls, time_s: Array) -> Array:
@@ -232,6 +232,14 @@ def _times(time_s: Array) -> Array:
     _require(_rise(times), "times must not fall")
     _require(not len(times) or 0 <= times[0] <= times[-1] <= MOST_S, f"times must be 0 to {MOST_S:g} s")
     return times
+
+
+def _sorted(times: Array) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Times (..., time) in order, and which of them each one is then."""
+    order = np.argsort(times, axis=-1, kind="stable")
+    back = np.empty_like(order)
+    np.put_along_axis(back, order, np.broadcast_to(np.arange(order.shape[-1]), order.shape), -1)
+    return np.take_along_axis(times, order, -1), back
 
 
 def _rise(times: Array) -> bool:
