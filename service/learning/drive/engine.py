@@ -90,7 +90,7 @@ class Engine:
         return Motion(*outputs), State(numbers)
 
     def positions(self, start: State, track: Track, controls: Controls, time_s: Array, offset: float = 0.0) -> Array:
-        """The x (time,) of `drive` alone, to the bit: a tenth sooner, as nothing is said of heights."""
+        """The x (time,) of `drive` alone, to the bit: a seventh sooner, as nothing is said of heights."""
         return np.asarray(self._driven(self._flat.address, start, track, controls, time_s, offset)[0][0])
 
     def _driven(
