@@ -149,7 +149,11 @@ def _names_in(node: object) -> int:
     """How many names the objects have. A list that begins with a plain value counts as none."""
     if isinstance(node, dict):
         _require_few_members(len(node))
-        return len(node) + sum(_names_in(each) for each in node.values() if isinstance(each, dict | list))
+        found = len(node)
+        for each in node.values():
+            if isinstance(each, dict | list):
+                found += _names_in(each)
+        return found
     if isinstance(node, list) and node and isinstance(node[0], dict | list):
         return sum(map(_names_in, node))
     return 0

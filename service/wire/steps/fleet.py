@@ -11,10 +11,10 @@ import numpy as np
 from model_store import InvalidReferenceError, parse_reference
 from service.errors import InvalidValueError
 from service.physics.scenario import Array
-from service.twin import Loaded
-from service.twin.steps import Live, Moments, StoredStates, read_states
+from service.twin import Loaded, Twin
+from service.twin.steps import Live, Moment, Moments, StoredStates, read_states
 from service.wire.faults import InvalidInputError, fault
-from service.wire.steps.question import StepsQuestion, state_text, wrong_state
+from service.wire.steps.question import RoverStep, StepsQuestion, state_text, wrong_state
 
 MOST_VERSIONS = 4
 """Versions that the states of one request may name."""
@@ -116,6 +116,19 @@ class Fleet:
         self.remove(question.remove)
         by_place = {**question.failures} | {question.places[row]: error for row, error in failures.items()}
         return Stepped([each for each in groups if len(each.ids)], by_place)
+
+    def step_one(self, rover: RoverStep) -> tuple[Twin, Moment] | Exception | None:
+        """Moves one that is kept here on: the version that did and where it is, or what went wrong; None if there is
+        none. The same as `step` of a question that has only this one, in plain numbers.
+        """
+        live = self._home.get(rover.id)
+        if live is None:
+            return None
+        moment = live.advance_one(rover.id, rover.slope_deg, rover.torque_nm or 0.0, rover.brake, rover.dt_s)
+        if moment.finite:
+            return live.twin, moment
+        self.remove([rover.id])
+        return wrong_state("", _NO_ROVER)
 
     def remove(self, ids: Iterable[str]) -> None:
         """Forgets rovers, those there are."""

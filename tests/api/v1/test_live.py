@@ -48,6 +48,30 @@ def moved(client: ClientConnection, *rovers, **shared):
     return document["rovers"]
 
 
+LIKELY = st.fixed_dictionaries(
+    {},
+    optional={
+        "slope_deg": st.floats(-40, 40) | st.sampled_from([90.0, None, "1", 10**400]),
+        "torque_nm": st.floats(0, 200) | st.sampled_from([None, -1.0]),
+        "brake": st.booleans() | st.just(1),
+        "dt_s": st.floats(0.001, 0.6) | st.sampled_from([2.5, 0.0]),
+        "unknown": st.just(1),
+    },
+)
+
+
+@given(st.lists(LIKELY, min_size=1, max_size=6))
+def test_a_message_of_one_rover_is_answered_as_one_of_many(steps, told):
+    with open_live(steps.url) as client:
+        moved(client, begin("a"), begin("b"))
+        for each in told:
+            one, other = go_on("a") | each, go_on("b") | each
+            client.send(json.dumps({"rovers": [one]}))
+            client.send(json.dumps({"rovers": [other], "include": []}))  # no short way for this
+            first, second = client.recv(timeout=20), client.recv(timeout=20)
+            assert first == second.replace('"id":"b"', '"id":"a"')
+
+
 def test_a_connection_says_what_steps_say_and_keeps_rovers(steps):
     live = Live(load_twin(ModelStore.open(str(steps.folder)), "viper-lunar", 5))
     live.start("a", mass_kg=430, slope_deg=20)
