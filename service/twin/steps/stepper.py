@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -51,16 +50,6 @@ class Moments:
     moving: npt.NDArray[np.bool_]
     outside_of: list[list[str]]
     finite: npt.NDArray[np.bool_] | None = None
-
-    @classmethod
-    def together(cls, parts: Sequence[Moments]) -> Moments:
-        """Those of all parts, one after the other."""
-        columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS}
-        outside = [each for part in parts for each in part.outside_of]
-        if all(part.finite is None for part in parts):
-            return cls(**columns, outside_of=outside)
-        finite = [np.ones(len(part.x_m), dtype=np.bool_) if part.finite is None else part.finite for part in parts]
-        return cls(**columns, outside_of=outside, finite=np.concatenate(finite))
 
     @classmethod
     def of_one(cls, one: Moment) -> Moments:
@@ -133,11 +122,13 @@ class Stepper:
             states[:] = whole
             return Moments.of_one(found)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # states may be forged
-            parts = [
-                self._advanced(states[rows], slope_deg[rows], torque_nm[rows], brake[rows], dt_s[rows])
-                for rows in some_at_once(len(states))
-            ]
-        return parts[0] if len(parts) == 1 else Moments.together(parts)
+            inputs = np.empty((4, len(states)))
+            np.radians(slope_deg, out=inputs[0])
+            inputs[1], inputs[2], inputs[3] = torque_nm, brake, dt_s
+            outputs = np.empty((OUTPUTS, len(states)))
+            for rows in some_at_once(len(states)):
+                outputs[:, rows] = self._moved(states[rows], np.ascontiguousarray(inputs[:, rows]))
+            return self._moments(states, outputs, slope_deg, torque_nm, brake)
 
     def advance_one(
         self, states: InPlace, row: int, slope_deg: float, torque_nm: float, brake: bool, dt_s: float
@@ -179,13 +170,9 @@ class Stepper:
             finite=all(map(math.isfinite, found)),
         )
 
-    def _advanced(
-        self, states: Array, slope_deg: Array, torque_nm: Array, brake: npt.NDArray[np.bool_], dt_s: Array
+    def _moments(
+        self, states: Array, outputs: Array, slope_deg: Array, torque_nm: Array, brake: npt.NDArray[np.bool_]
     ) -> Moments:
-        inputs = np.empty((4, len(states)))
-        np.radians(slope_deg, out=inputs[0])
-        inputs[1], inputs[2], inputs[3] = torque_nm, brake, dt_s
-        outputs = self._moved(states, inputs)
         x, speed, front, rear, y, _ = outputs
         finite = np.isfinite(outputs)
         time, mass, half = states[:, _TIME].copy(), states[:, _MASS], self._half_widths

@@ -148,6 +148,10 @@ class Fleet:
         self, question: StepsQuestion, asked: Loaded | Exception | None, failures: dict[int, Exception]
     ) -> list[tuple[Live, list[int]]]:
         """The rows of each version's rovers."""
+        if len(self._lives) == 1 and not failures and all(map(self._home.__contains__, question.ids)):
+            (only,) = self._lives.values()
+            if not isinstance(asked, Loaded) or only.twin is asked.twin:
+                return [(only, list(range(len(question))))]
         groups: dict[int, tuple[Live, list[int]]] = {}
         for row, name in enumerate(question.ids):
             if row in failures:
@@ -181,6 +185,11 @@ class Fleet:
             why = f"it is of {stored.name}@{stored.version}, asked for is {asked.twin.name}@{asked.twin.version}"
             return {row: _wrong_state(question, row, why) for row in rows}
         wrong = live.stepper.wrong(stored.numbers)
+        names = [question.ids[row] for row in rows]
+        if not self._home and len(rows) <= self._most and not wrong and np.isnan(question.mass_kg[stored.rows]).all():
+            self._home = dict.fromkeys(names, live)
+            live.put(names, stored.numbers)
+            return {}
         failures: dict[int, Exception] = {rows[at]: _wrong_state(question, rows[at], str(wrong[at])) for at in wrong}
         begins, good = (~np.isnan(question.mass_kg[stored.rows])).tolist(), []
         for at, row in enumerate(rows):
@@ -195,7 +204,7 @@ class Fleet:
                 failures[row] = self._full(question.ids[row])
         if good:
             numbers = stored.numbers if len(good) == len(rows) else stored.numbers[good]
-            live.put([question.ids[rows[at]] for at in good], numbers)
+            live.put([names[at] for at in good], numbers)
         return failures
 
     def _begin(self, question: StepsQuestion, loaded: Loaded | Exception, failures: dict[int, Exception]) -> None:
