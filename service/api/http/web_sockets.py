@@ -13,6 +13,7 @@ import logging
 from typing import Protocol
 
 from uvicorn._types import ASGISendEvent
+from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.protocol import State
 from websockets.streams import StreamReader
@@ -85,6 +86,8 @@ class WebSocketProtocol(WebSocketsSansIOProtocol):
         if message["type"] == "websocket.close" and not self.writable.is_set():
             self.writable.set()
             self.loop.call_later(_LINGER_S, self.transport.abort)
+        if message["type"] == "websocket.send" and self.close_sent:  # an answer to one that answers no pings
+            raise ClientDisconnected
         if message["type"] != "websocket.send" or not self._wrote(message.get("bytes"), message.get("text")):
             await super().send(message)
 
