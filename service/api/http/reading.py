@@ -32,6 +32,7 @@ Model = TypeVar("Model", bound=BaseModel)
 Answer = Callable[[Request], Coroutine[Any, Any, Response]]
 
 _MOST_MEMBERS = 1000  # no object here has nearly as many; to find a fault in each of them would take seconds
+_NESTED = (dict, list)
 _READ = "service.read"
 _REQUEST = "__request"
 
@@ -149,8 +150,12 @@ def _names_in(node: object) -> int:
     """How many names the objects have. A list that begins with a plain value counts as none."""
     if isinstance(node, dict):
         _require_few_members(len(node))
-        return len(node) + sum(_names_in(each) for each in node.values() if isinstance(each, dict | list))
-    if isinstance(node, list) and node and isinstance(node[0], dict | list):
+        found = len(node)
+        for each in node.values():
+            if isinstance(each, _NESTED):
+                found += _names_in(each)
+        return found
+    if isinstance(node, list) and node and isinstance(node[0], _NESTED):
         return sum(map(_names_in, node))
     return 0
 

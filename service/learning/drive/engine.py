@@ -213,6 +213,10 @@ class Engine:
         )
         return outputs
 
+    def advance_one(self, numbers: int, inputs: int, outputs: int) -> None:
+        """`advance` of one rover without a track, of and to arrays at these addresses."""
+        self._library.rover_step(self._address, 1, numbers, inputs, None, outputs)
+
     def _require_own(self, state: State) -> None:
         if state.law != self._number:
             raise ValueError("the state belongs to another model, or to another version of this one: start anew")

@@ -12,6 +12,7 @@ from service.errors import InvalidValueError
 from service.learning.drive.engine import SHORTEST_STEP_S
 from service.learning.drive.library import MOST_S
 from service.physics.scenario import Array
+from service.twin.steps.one import InPlace, Moment
 from service.twin.steps.states import StateError, read_states, write_states
 from service.twin.steps.stepper import STATE_SIZE, Moments, stepper_of
 from service.twin.twin import Twin
@@ -37,7 +38,7 @@ class Live:
         self.stepper = stepper_of(twin)
         self._rows: dict[str, int] = {}
         self._free: list[int] = []
-        self._states = np.zeros((_FIRST_ROOM, STATE_SIZE))
+        self._hold(np.zeros((_FIRST_ROOM, STATE_SIZE)))
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -137,7 +138,8 @@ class Live:
         """Puts rovers into states (rover, STATE_SIZE) that are known to be right; the array is not used elsewhere."""
         if not self._rows and len(set(ids)) == len(ids):
             self._rows = {name: row for row, name in enumerate(ids)}
-            self._states, self._free = states, []
+            self._hold(states)
+            self._free = []
             return
         rows = []
         for name in ids:
@@ -161,6 +163,14 @@ class Live:
         self._states[rows] = states
         return states, moments
 
+    def advance_one(self, name: str, slope_deg: float, torque_nm: float, brake: bool, dt_s: float) -> Moment:
+        """The same of one rover, where it lies: in a fifth of the time."""
+        return self.stepper.advance_one(self._in_place, self._rows[name], slope_deg, torque_nm, brake, dt_s)
+
+    def _hold(self, states: Array) -> None:
+        self._states = np.ascontiguousarray(states)
+        self._in_place = InPlace(self._states)
+
     def _rows_of(self, ids: Iterable[str]) -> list[int]:
         return [self._rows[name] for name in ids]
 
@@ -170,7 +180,7 @@ class Live:
         if needed > room:
             grown = np.zeros((max(needed, 2 * room), STATE_SIZE))
             grown[:room] = self._states
-            self._states = grown
+            self._hold(grown)
 
 
 def _listed(ids: str | Sequence[str]) -> Sequence[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import binascii
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -92,7 +92,8 @@ class RoverStep(BaseModel):
     ]
 
 
-_steps = TypeAdapter(list[RoverStep])
+_step, _steps = TypeAdapter(RoverStep), TypeAdapter(list[RoverStep])
+_NONE_BEFORE: frozenset[str] = frozenset()
 _EXAMPLE: dict[str, Any] = {
     "rovers": [
         {"id": "a", "start": {"mass_kg": 430}, "slope_deg": 20, "torque_nm": 60, "dt_s": 0.1},
@@ -248,6 +249,22 @@ def read_steps(document: object, *, live: bool = False, most: int = MAX_ROVERS) 
     )
 
 
+def read_one(document: object) -> RoverStep | None:
+    """The rover of a live message that is nothing but one rover that goes on; None for every other message."""
+    if not isinstance(document, dict) or len(document) != 1:
+        return None
+    sent = document.get("rovers")
+    if not isinstance(sent, list) or len(sent) != 1:
+        return None
+    try:
+        rover = _step.validate_python(sent[0])
+    except ValidationError:
+        return None
+    if rover.state is not None or rover.start is not None or _wrong_together(rover, _NONE_BEFORE, live=True):
+        return None
+    return rover
+
+
 def checked_model(reference: str) -> str:
     """A reference to a model as it came from elsewhere than JSON. Raises InvalidInputError."""
     return _read_shared({"model": reference}).model or ""
@@ -316,7 +333,7 @@ def _none(value: object) -> InputFault:
     return fault("rover", value, "a JSON object with " + ", ".join(RoverStep.model_fields))
 
 
-def _wrong_together(rover: RoverStep, known: set[str], *, live: bool) -> InputFault | None:
+def _wrong_together(rover: RoverStep, known: Set[str], *, live: bool) -> InputFault | None:
     """What is wrong between fields that are right one by one."""
     if rover.id in known:
         return fault("id", rover.id, "an id of its own for each rover")

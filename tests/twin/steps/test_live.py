@@ -112,6 +112,13 @@ def test_a_state_goes_on_at_another_server_to_the_bit(twin, other_instance, befo
     assert here.states() == there.states()
 
 
+@given(st.floats(-45, 45), st.floats(50, 2000), st.floats(0, 300))
+def test_one_place_is_as_far_from_the_runs_as_many_are(twin, slope_deg, mass_kg, torque_nm):
+    near = twin.domain.neighbourhood
+    many = near.least_distances(near.places_of(*np.array([[slope_deg], [mass_kg], [torque_nm]])))
+    assert near.least_distance(slope_deg, mass_kg, torque_nm) == pytest.approx(many[0], rel=1e-9, abs=1e-7)
+
+
 def test_what_is_said_of_a_moment_is_what_drives_say(twin):
     live = Live(twin)
     live.start("a", mass_kg=430, slope_deg=20)
