@@ -179,7 +179,7 @@ def _assemble(
         app.include_router(resource.router)
     for router in (aliases.reading, aliases.moving):
         app.include_router(router)
-    app.router.routes.append(live.route)
+    app.router.routes += live.routes
     app.openapi = lambda: openapi_of(app)  # type: ignore[method-assign] # FastAPI's documented way
     return app
 

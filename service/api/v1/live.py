@@ -14,7 +14,10 @@ from typing import Any
 
 import orjson
 import structlog
-from starlette.routing import WebSocketRoute
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route, WebSocketRoute
 from starlette.types import Message, Receive, Scope, Send
 
 from service.api.http.errors import problem, problem_members, told
@@ -217,4 +220,10 @@ def _ended_by(message: Message) -> str:
     return {1000: "closed", 1001: "closed", 1005: "closed", 1009: "too_large"}.get(code, "lost")
 
 
-route = WebSocketRoute(PATH, LiveEndpoint())
+async def _plain(_: Request) -> Response:
+    """What somebody gets who asks the address with a browser."""
+    detail = "open a WebSocket here; docs/asyncapi.yaml says what its messages are"
+    raise HTTPException(426, detail, {"Upgrade": "websocket", "Connection": "Upgrade"})
+
+
+routes = (WebSocketRoute(PATH, LiveEndpoint()), Route(PATH, _plain, include_in_schema=False))

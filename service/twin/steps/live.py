@@ -125,7 +125,7 @@ class Live:
                 wrong |= {int(stored.rows[at]): error for at, error in self.stepper.wrong(stored.numbers).items()}
         if wrong:
             row = min(wrong)
-            raise StateError(f"the state of {names[row]} cannot be gone on from: {wrong[row]}")
+            raise StateError(f"the state of {names[row]} cannot be continued: {wrong[row]}")
         for stored in found:
             self.put([names[row] for row in stored.rows.tolist()], stored.numbers)
 

@@ -15,8 +15,8 @@ from pydantic.json_schema import SkipJsonSchema
 
 from service.allowed import allowed_fields
 from service.physics.scenario import Array
-from service.settings import LIMITS
-from service.wire.faults import InputFault, InvalidInputError, fault, faults_of, unknown_field
+from service.settings import LIMITS, Settings
+from service.wire.faults import InputFault, InvalidInputError, fault, faults_of, missing, unknown_field
 from service.wire.prediction import PredictionInputs
 
 MAX_ROVERS = 10_000
@@ -130,7 +130,11 @@ class LiveBody(StepsBody):
 
     rovers: Annotated[
         list[RoverStep],
-        Field(max_length=MAX_ROVERS, description="The rovers. Refused ones are listed in `errors`; the others move."),
+        Field(
+            max_length=Settings.model_fields["max_live_rovers"].default,
+            description="The rovers. Refused ones are listed in `errors`; the others move. At most 1000 unless the "
+            "operator set another limit.",
+        ),
     ] = []
     include: Annotated[
         list[Literal["state"]],
@@ -164,7 +168,7 @@ ROVER_RANGES: Mapping[str, tuple[float, float]] = {
 STEPS_WORDS: Mapping[str, str] = {
     **ROVER_WORDS,
     "model": allowed_fields(StepsBody.model_json_schema())["model"],
-    "include": "a list of state",
+    "include": "a list with the word state",
     "remove": f"a list of at most {MAX_ROVERS} ids",
     "rovers": f"a list of 1 to {MAX_ROVERS} rovers",
 }
@@ -213,7 +217,8 @@ def read_steps(document: object, *, live: bool = False, most: int = MAX_ROVERS) 
     sent, least = document.get("rovers", [] if live else None), 0 if live else 1
     if not isinstance(sent, list) or not least <= len(sent) <= most:
         said = f"{len(sent)} rovers" if isinstance(sent, list) else sent
-        raise InvalidInputError(fault("rovers", said, f"a list of {least} to {most} rovers"))
+        allowed = f"a list of {least} to {most} rovers"
+        raise InvalidInputError(fault("rovers", said, allowed) if "rovers" in document else missing("rovers", allowed))
     shared = _SAME if document.keys() == {"rovers"} else _read_shared(document)
     good, failures = _checked(sent, live=live)
     rovers, states = [], []
@@ -288,7 +293,7 @@ def state_text(state: bytes) -> str:
 def wrong_state(state: str, why: str) -> InvalidInputError:
     """What is wrong with a state."""
     allowed = ROVER_WORDS["state"]
-    return InvalidInputError(InputFault("state", state, allowed, f"state cannot be gone on from: {why}"))
+    return InvalidInputError(InputFault("state", state, allowed, f"state cannot be continued: {why}"))
 
 
 _SAME = _Shared()

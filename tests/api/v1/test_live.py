@@ -316,12 +316,20 @@ def test_a_connection_is_seen_in_the_metrics(tmp_path):
         assert 'rover_twin_live_connections_ended_total{reason="closed"} 1.0' in text
 
 
+def test_a_plain_request_is_told_to_open_a_connection(steps):
+    answer = steps.client.get("/v1/live")
+
+    assert (answer.status_code, answer.headers["upgrade"]) == (426, "websocket")
+    assert answer.json()["type"] == "urn:rover-twin:problem:upgrade-required"
+    assert "open a WebSocket here" in answer.json()["detail"]
+    assert steps.client.post("/v1/live", json={}).status_code == 405
+
+
 def test_another_address_is_no_connection(steps):
     with pytest.raises(InvalidStatus):
         connect(steps.url.replace("http", "ws", 1) + "/v1/admin/live", proxy=None).close()
     with pytest.raises(InvalidStatus):
         connect(steps.url.replace("http", "ws", 1) + "/v1/nothing", proxy=None).close()
-    assert steps.get("/v1/live").status_code == 404
 
 
 def test_the_end_of_a_server_hands_every_rover_back_to_go_on_elsewhere(tmp_path, steps):

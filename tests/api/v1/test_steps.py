@@ -265,6 +265,11 @@ def test_what_is_wrong_with_all_of_it_is_a_problem(steps, document, field):
     assert answer.json()["errors"][0]["field"] == field
 
 
+def test_rovers_that_are_missing_are_no_null(steps):
+    for document, said in (({}, "rovers is missing, allowed is"), ({"rovers": None}, "rovers is null, allowed is")):
+        assert steps.client.post("/v1/steps", json=document).json()["detail"].startswith(said)
+
+
 def test_an_unknown_model_is_a_problem(steps):
     assert steps.client.post("/v1/steps", json={"rovers": [begin()], "model": "nobody"}).status_code == 404
 
