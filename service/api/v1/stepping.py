@@ -10,6 +10,7 @@ from typing import Any, Generic, TypeVar
 from model_store import StoreError
 from service.api.http.errors import problem_members, told
 from service.api.services import Services
+from service.datasets.file_names import printable
 from service.errors import RoverTwinError
 from service.twin import Loaded
 from service.wire.faults import MAX_SHOWN
@@ -94,5 +95,5 @@ def problems(question: StepsQuestion, found: Stepped, path: str) -> list[dict[st
 def rover_problem(index: int, name: object, error: Exception, path: str) -> dict[str, Any]:
     """That of one rover, at its place among those that were sent."""
     described = told(error, path)
-    sent = name[:MAX_SHOWN] if isinstance(name, str) else None
+    sent = printable(name[:MAX_SHOWN]) if isinstance(name, str) else None
     return {"index": index, "id": sent, **problem_members(described), **described.members}

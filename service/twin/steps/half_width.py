@@ -26,19 +26,33 @@ CARRIED = 7
 """Numbers that a rover carries for its half-width."""
 
 PART_S = 0.5
-"""The longest time in one go: for so long a scale, and how fast differences of speed die away, are taken to hold."""
+"""At multiples of this time scales are looked up, whatever steps a rover is moved in: longer ones are cut there."""
+
+_SAME_TIME_S = 1e-6
 
 # How far and how much faster a rover with UNIT_OFFSET more resistance would be; sums, over the time in which it rolled,
 # of scale times time and of time; the last scale, when it was looked up to hold for the time until then, and how long
 # the rover has rolled since.
 _SHIFT, _FASTER, _SCALES, _ROLLED, _SCALE, _LOOKED, _SINCE = range(CARRIED)
 _MOST_UNITS = LARGEST_ERROR / UNIT_OFFSET
-_DUE_S = (1.0 - 1e-9) * PART_S
+_DUE_S = PART_S - _SAME_TIME_S
 _LEAST, _MOST, _SMALL = -1.0, 700.0, 1e-4  # of rate times time
 _FIRST = np.zeros(1, dtype=np.intp)
 
 Given: TypeAlias = tuple[float, float, float, float]
 """One rover's inputs: slope (rad), torque, brake (0 or 1) and duration."""
+
+
+def until_look_s(time_s: float) -> float:
+    """How long from a time since the start until scales are looked up next: up to PART_S, and never nothing."""
+    left = PART_S * ((time_s + _SAME_TIME_S) // PART_S + 1.0) - time_s
+    return left if left > 0.5 * _SAME_TIME_S else PART_S  # of a time so late that it has no such fractions
+
+
+def until_looks_s(time_s: Array) -> Array:
+    """The same of many."""
+    left = PART_S * ((time_s + _SAME_TIME_S) // PART_S + 1.0) - time_s
+    return np.asarray(np.where(left > 0.5 * _SAME_TIME_S, left, PART_S))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +95,7 @@ class HalfWidths:
             carried[rows, _SCALES] += carried[rows, _SCALE] * rolled
             carried[rows, _ROLLED] += rolled
             carried[rows, _SINCE] = 0.0
-            carried[rows, _LOOKED] = time_s[rows]
+            carried[rows, _LOOKED] = time_s[rows] + until_looks_s(time_s[rows]) - PART_S
 
     def carry_one(
         self, carried: Sequence[float], rate_per_s: float, time_s: float, mass_kg: float, given: Given, speed_m_s: float
@@ -104,7 +118,8 @@ class HalfWidths:
             inputs, mass = np.array([[slope_rad], [torque_nm]]), np.array([mass_kg])
             scale = float(self._scales(_FIRST, mass, inputs, np.array([speed_m_s]))[0])
         if due:
-            scales, rolled, since, looked = scales + scale * since, rolled + since, 0.0, time_s
+            scales, rolled, since = scales + scale * since, rolled + since, 0.0
+            looked = time_s + until_look_s(time_s) - PART_S
         return shift, faster, scales, rolled, scale, looked, since
 
     def _scales(self, rows: npt.NDArray[np.intp], mass_kg: Array, inputs: Array, speed_m_s: Array) -> Array:

@@ -94,6 +94,8 @@ class Live:
         motors are off and wheels locked. Raises InvalidValueError.
         """
         names = _listed(ids)
+        if not names:
+            raise InvalidValueError("ids", "none", "one rover or more")
         if len(set(names)) < len(names):
             twice = next(name for at, name in enumerate(names) if name in names[:at])
             raise InvalidValueError("ids", twice, "each rover once")
@@ -103,7 +105,7 @@ class Live:
         _require("torque_nm", torque, (torque >= 0) & np.isfinite(torque), "zero or positive, and finite")
         within = (dt >= SHORTEST_STEP_S) & (dt <= MOST_S)
         _require("dt_s", dt, within, f"{SHORTEST_STEP_S:g} to {MOST_S:g}")
-        told = np.broadcast_to(np.asarray(brake, dtype=np.bool_), len(names))
+        told = _flags("brake", brake, len(names))
         return self.advance(names, slope, torque, told, dt)[1]
 
     def states(self, ids: str | Sequence[str] | None = None) -> dict[str, bytes]:
@@ -192,6 +194,15 @@ def _column(name: str, values: Numbers, count: int) -> Array:
     if column.shape not in ((), (count,)):
         raise InvalidValueError(name, f"{column.shape} numbers", f"one for all or one for each of {count} rovers")
     return np.broadcast_to(column, (count,))
+
+
+def _flags(name: str, values: bool | Sequence[bool] | npt.NDArray[np.bool_], count: int) -> npt.NDArray[np.bool_]:
+    flags = np.asarray(values)
+    if flags.dtype != np.bool_:
+        raise InvalidValueError(name, values, "true or false")
+    if flags.shape not in ((), (count,)):
+        raise InvalidValueError(name, f"{flags.shape} flags", f"one for all or one for each of {count} rovers")
+    return np.broadcast_to(flags, (count,))
 
 
 def _require_slopes(slope_deg: Array) -> None:

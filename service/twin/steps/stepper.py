@@ -15,7 +15,7 @@ from service.learning.drive.model import DriveModel
 from service.learning.drive.state import FORMAT, SIZE
 from service.physics.scenario import Array
 from service.twin.moment import MOVES_M_S, moves, slip_ratio, slip_ratios
-from service.twin.steps.half_width import CARRIED, PART_S, Given, HalfWidths
+from service.twin.steps.half_width import CARRIED, Given, HalfWidths, until_look_s, until_looks_s
 from service.twin.steps.one import InPlace, Moment
 from service.twin.steps.states import StateError, some_at_once
 from service.twin.steps.verdict import StepDomain
@@ -137,7 +137,7 @@ class Stepper:
         slope_rad, braked, left = math.radians(slope_deg), float(brake), dt_s
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # as above
             while left > _NO_TIME_S:
-                part = min(left, PART_S)
+                part = min(left, until_look_s(states.numbers[states.start_of(row) + _TIME]))
                 found = self._part_of_one(states, row, (slope_rad, torque_nm, braked, part))
                 left -= part
             return self._moment(states, row, found, slope_deg, torque_nm, brake)
@@ -191,13 +191,13 @@ class Stepper:
         )
 
     def _moved(self, states: Array, inputs: Array) -> Array:
-        """Columns of the motion, (OUTPUTS, rover): in parts where steps are long."""
-        if inputs[3].max() <= PART_S:
+        """Columns of the motion, (OUTPUTS, rover): in parts where scales are looked up underway."""
+        if (inputs[3] <= until_looks_s(states[:, _TIME]) + _NO_TIME_S).all():
             return self._part(states, inputs)
         outputs, left = np.empty((OUTPUTS, len(states))), inputs[3].copy()
         while (rows := np.flatnonzero(left > _NO_TIME_S)).size:
             some, given = states[rows], np.ascontiguousarray(inputs[:, rows])
-            given[3] = np.minimum(left[rows], PART_S)
+            given[3] = np.minimum(left[rows], until_looks_s(some[:, _TIME]))
             outputs[:, rows] = self._part(some, given)
             states[rows] = some
             left[rows] -= given[3]

@@ -11,6 +11,7 @@ from service.learning.domain import FIELDS, JOINT, Domain
 from service.physics.scenario import Array
 from service.physics.similarity import torque_ratio_of
 
+_SAME_TIME_S = 1e-6  # what summing up many steps may add to a time
 _OF_TORQUE = frozenset({"torque_nm", "torque_ratio"})
 
 
@@ -39,7 +40,7 @@ class StepDomain:
         """
         domain, lowest, highest = self.domain, *self._bounds
         ratio = torque_ratio_of(domain.rover, domain.regolith, mass_kg, torque_nm)
-        values = np.array([slope_deg, mass_kg, torque_nm, ratio, time_s])
+        values = np.array([slope_deg, mass_kg, torque_nm, ratio, time_s - _SAME_TIME_S])
         outside = (values < lowest) | (values > highest)
         if brake.any():
             outside &= ~(self._of_torque & brake)
@@ -59,7 +60,7 @@ class StepDomain:
         """Those of one rover, in plain numbers: several times faster than arrays."""
         domain = self.domain
         ratio = torque_ratio_of(domain.rover, domain.regolith, mass_kg, torque_nm)
-        values = (slope_deg, mass_kg, torque_nm, ratio, time_s)
+        values = (slope_deg, mass_kg, torque_nm, ratio, time_s - _SAME_TIME_S)
         found = [
             name
             for (name, lowest, highest, of_torque), value in zip(self._spans, values, strict=True)

@@ -20,6 +20,9 @@ from service.wire.faults import InputFault, InvalidInputError, fault, faults_of,
 from service.wire.prediction import PredictionInputs
 
 MAX_ROVERS = 10_000
+MOST_SECONDS = 24_000.0
+"""Of the steps of one message, all rovers together: about a second of arithmetic."""
+
 MOST_START_SPEED_M_S = 5.0
 LONGEST_ID = 100
 _LONGEST_STATE = 8192
@@ -88,7 +91,13 @@ class RoverStep(BaseModel):
     brake: Annotated[bool, Field(description="Motors off and wheels locked, whatever the torque.")] = False
     dt_s: Annotated[
         float,
-        Field(ge=LIMITS.dt_s[0], le=LIMITS.dt_s[1], description="How long the step is, in seconds.", examples=[0.1]),
+        Field(
+            ge=LIMITS.dt_s[0],
+            le=LIMITS.dt_s[1],
+            description="How long the step is, in seconds. Those of all rovers of a message last at most 24,000 s "
+            "together.",
+            examples=[0.1],
+        ),
     ]
 
 
@@ -198,6 +207,12 @@ class StepsQuestion:
     model: str | None = None
     remove: Sequence[str] = ()
     with_state: bool = True
+
+    def __post_init__(self) -> None:
+        total_s = float(self.dt_s.sum())
+        if total_s > MOST_SECONDS:
+            said, allowed = f"{total_s:g} s in all", f"at most {MOST_SECONDS:g} s, of all rovers together"
+            raise InvalidInputError(fault("dt_s", said, allowed))
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -338,10 +353,20 @@ def _none(value: object) -> InputFault:
     return fault("rover", value, "a JSON object with " + ", ".join(RoverStep.model_fields))
 
 
+def _is_text(name: str) -> bool:
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def _wrong_together(rover: RoverStep, known: Set[str], *, live: bool) -> InputFault | None:
     """What is wrong between fields that are right one by one."""
     if rover.id in known:
         return fault("id", rover.id, "an id of its own for each rover")
+    if not rover.id.isascii() and not _is_text(rover.id):
+        return fault("id", rover.id, "text that UTF-8 can hold: no lone surrogates")
     if rover.torque_nm is None and not rover.brake:
         allowed = ROVER_WORDS["torque_nm"]
         return InputFault("torque_nm", None, allowed, f"torque_nm is missing and no brake is on, allowed is {allowed}")
