@@ -52,6 +52,8 @@ def allowed_values(schema: Mapping[str, Any]) -> str:
     kind = schema.get("type", "")
     if kind in ("number", "integer"):
         return _interval(schema, _KINDS[kind])
+    if kind == "array" and "enum" in schema.get("items", {}):
+        return "a list with any of " + ", ".join(str(value) for value in schema["items"]["enum"])
     if kind == "array" and "items" in schema:
         return f"a list of {allowed_values(schema['items'])}"
     if kind == "string" and "maxLength" in schema:

@@ -204,7 +204,7 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
         app.include_router(resource.router)
     for router in (aliases.reading, aliases.moving):
         app.include_router(router)
-    app.router.routes.append(live.route)
+    app.router.routes += live.routes
     app.openapi = lambda: openapi_of(app)  # type: ignore[method-assign] # FastAPI's documented way
     return app
 

@@ -9,9 +9,12 @@ from __future__ import annotations
 import ctypes
 import sys
 
-_M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8  # of malloc.h
+_M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -2, -3, -8  # of malloc.h
 _ARENAS = 1  # threads seldom allocate at once: nearly all of it happens under the interpreter lock
 _OWN_PAGES_BYTES = 1 << 20  # blocks from there on have pages of their own, which go back at once
+# What the arena keeps of freed memory, and how much more it asks for than it needs, which costs nothing until it is
+# used. Without them a request for a thousand rovers takes 2,000 pages from the system and gives them back: 8 of 30 ms.
+_KEPT_BYTES, _AHEAD_BYTES = 64 << 20, 32 << 20
 
 
 def limit_arenas() -> None:
@@ -19,6 +22,8 @@ def limit_arenas() -> None:
     if (library := _library()) is not None and hasattr(library, "mallopt"):
         library.mallopt(_M_ARENA_MAX, _ARENAS)
         library.mallopt(_M_MMAP_THRESHOLD, _OWN_PAGES_BYTES)
+        library.mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)
+        library.mallopt(_M_TOP_PAD, _AHEAD_BYTES)
 
 
 def give_back() -> None:

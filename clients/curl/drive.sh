@@ -33,9 +33,9 @@ reason() { # FILE: the problem's "detail" on one line, or the first line of anot
 }
 
 require_number() { # TEXT NAME: only what JSON takes for a number may enter the body
-    case $1 in
-    '' | *[!0-9.eE+-]* | +* | .* | *.) complain "$2 is '$1', which is no number" 2 ;;
-    esac
+    case $1 in *[!0-9.eE+-]*) complain "$2 is '$1', which is no number" 2 ;; esac # more than one line, for grep
+    printf '%s' "$1" | grep -Eq '^-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?$' ||
+        complain "$2 is '$1', which is no number" 2
 }
 
 format=json

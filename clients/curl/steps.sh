@@ -30,10 +30,10 @@ reason() { # what went wrong with the rover, or the first line of another answer
     if [ -n "$found" ]; then printf '%s' "$found"; else head -c 200 "$answer" | head -n 1; fi
 }
 
-require_number() { # TEXT NAME
-    case $1 in
-    '' | *[!0-9.eE+-]* | +* | .* | *.) complain "$2 is '$1', which is no number" 2 ;;
-    esac
+require_number() { # TEXT NAME: only what JSON takes for a number may enter the body
+    case $1 in *[!0-9.eE+-]*) complain "$2 is '$1', which is no number" 2 ;; esac # more than one line, for grep
+    printf '%s' "$1" | grep -Eq '^-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?$' ||
+        complain "$2 is '$1', which is no number" 2
 }
 
 case ${1:-} in
@@ -55,7 +55,9 @@ trap 'exit 130' INT
 trap 'exit 143' TERM
 url=${ROVER_TWIN_URL:-http://127.0.0.1:8000}
 origin="\"start\": {\"mass_kg\": $1}"
-while read -r slope torque dt; do
+ending=$(printf '\r')
+while read -r slope torque dt || [ -n "$slope" ]; do # the last line may lack its end
+    dt=${dt%"$ending"}                              # Windows ends lines with it
     require_number "$slope" SLOPE_DEG
     require_number "$dt" DT_S
     if [ "$torque" = brake ]; then acts='"brake": true'; else

@@ -16,6 +16,7 @@ SYNC = {
     "AsyncRoverTwin": "RoverTwin",
     "AsyncDrivesClient": "DrivesClient",
     "AsyncLive": "Live",
+    "AsyncLock": "Lock",
     "AsyncSocket": "Socket",
     "AsyncTrainingClient": "TrainingClient",
     "AsyncConnection": "Connection",
@@ -33,7 +34,8 @@ SYNC = {
     "push_async_callback": "callback",
     "_async": "_sync",
     "socket_async": "socket_sync",
-    "it is not for several tasks at once": "it is not for several threads at once",
+    "lock_async": "lock_sync",
+    "Several tasks may share it": "Several threads may share it",
     "Use it from one event loop": "Threads may share it",
 }
 NAMES = re.compile(rf"\b({'|'.join(map(re.escape, SYNC))})\b")

@@ -72,7 +72,8 @@ def report(error: Exception, *, debug: bool) -> int:
 def failure_of(error: Exception) -> Failure:
     """Any exception as a failure. Ours say what is wrong themselves; what is unexpected says how to see where."""
     if isinstance(error, typer.TyperException):
-        return Failure(_one_line(f"{error.format_message()}{_where_help_is(error)}"), error.exit_code)
+        said = error.format_message().replace(": Value error, ", ": ")  # pydantic's words, for choices
+        return Failure(_one_line(f"{said}{_where_help_is(error)}"), error.exit_code)
     if isinstance(error, ValidationError):
         return Failure(_one_line(_validation_reasons(error)), ExitCode.USAGE)
     code = _code_of(error)

@@ -41,14 +41,14 @@ class DomainReason:
         if self.field == JOINT:
             return (
                 f"joint: no training run is near this combination of slope, torque_ratio and mass; the nearest is at "
-                f"a scaled distance of {self.value:.3g}, {self.value - self.highest:.3g} above what separates "
-                f"neighbouring runs ({self.highest:.3g})"
+                f"a scaled distance of {_plain(self.value, 3)}, {_plain(self.value - self.highest, 3)} above what "
+                f"separates neighbouring runs ({_plain(self.highest, 3)})"
             )
         bound, side = (self.lowest, "below") if self.value < self.lowest else (self.highest, "above")
         unit = f" {_UNITS[self.field]}" if _UNITS[self.field] else ""
         return (
-            f"{self.field} {self.value:.6g}{unit} is {abs(self.value - bound):.3g}{unit} {side} "
-            f"the training runs ({self.lowest:.6g} to {self.highest:.6g}{unit})"
+            f"{self.field} {_plain(self.value, 6)}{unit} is {_plain(abs(self.value - bound), 3)}{unit} {side} "
+            f"the training runs ({_plain(self.lowest, 6)} to {_plain(self.highest, 6)}{unit})"
         )
 
 
@@ -198,6 +198,11 @@ class Domain:
         spans = {field: (float(description[field][0]), float(description[field][1])) for field in FIELDS}
         known = Neighbourhood.restore(description, rover, regolith) if "runs" in description else None
         return cls(spans, rover, regolith, known)
+
+
+def _plain(value: float, digits: int) -> str:
+    """A number with so many digits that say something, and no exponent."""
+    return np.format_float_positional(float(f"{value:.{digits}g}"), trim="-")
 
 
 def _spans_of(run: ObservedRun, rover: RoverParameters, regolith: RegolithParameters) -> dict[str, tuple[float, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Self
@@ -150,6 +151,13 @@ class Neighbourhood:
             found[rows] = self._points.squared_distances(places[rows]).min(axis=1)
         return np.sqrt(found, out=found)
 
+    def least_distance(self, slope_deg: float, mass_kg: float, torque_nm: float) -> float:
+        """That of one place by its inputs, mostly in plain numbers: in a tenth of the time."""
+        ratio = torque_ratio_of(self.rover, self.regolith, mass_kg, torque_nm)
+        raw = (slope_deg, math.log(max(ratio, _SMALLEST_TORQUE_RATIO)), math.log(mass_kg))  # as `_raw` has it
+        slope, torque, mass = self.scales
+        return self._points.least_distance((raw[0] / slope, raw[1] / torque, raw[2] / mass))
+
     def nearest_runs(self, order: npt.NDArray[np.intp], distances: Array) -> tuple[NearestRun, ...]:
         """One place's row of `nearest_many` as runs."""
         return tuple(
@@ -186,13 +194,15 @@ class Points:
     centre: Array
     doubled: Array  # minus twice their coordinates from the centre, (coordinate, point)
     squares: Array
+    _centre: tuple[float, ...]
 
     @classmethod
     def of(cls, places: Array) -> Self:
         """Of places (point, coordinate)."""
         centre = places.mean(axis=0)
         there = places - centre
-        return cls(centre, np.ascontiguousarray(-2.0 * there.T), np.square(there).sum(axis=1))
+        doubled, squares = np.ascontiguousarray(-2.0 * there.T), np.square(there).sum(axis=1)
+        return cls(centre, doubled, squares, tuple(centre.tolist()))
 
     def squared_distances(self, places: Array) -> Array:
         """Of each place (place, coordinate) to each point, (place, point): rounded, as it is one product."""
@@ -201,6 +211,15 @@ class Points:
         found += np.einsum("ij,ij->i", here, here)[:, None]
         found += self.squares
         return np.asarray(np.maximum(found, 0.0, out=found))
+
+    def least_distance(self, place: tuple[float, float, float]) -> float:
+        """From one place to the nearest point: the root of the least of `squared_distances`."""
+        first, second, third = self._centre
+        x, y, z = place[0] - first, place[1] - second, place[2] - third
+        found = np.array((x, y, z)).dot(self.doubled)
+        found += self.squares
+        least = found.item(found.argmin()) + (x * x + y * y + z * z)
+        return math.sqrt(max(least, 0.0))
 
 
 def nearest_other(places: Array) -> Array:

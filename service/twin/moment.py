@@ -19,6 +19,8 @@ def slip_ratios(wheel_radius_m: float, speed_m_s: Array, rear_rad_s: Array, fron
     """
     rims = (0.5 * wheel_radius_m) * (rear_rad_s + front_rad_s)
     larger = np.maximum(np.abs(rims), np.abs(speed_m_s))
+    if larger.min(initial=np.inf) >= _STANDS_M_S:
+        return np.asarray((rims - speed_m_s) / larger)
     stands = larger < _STANDS_M_S
     return np.asarray(np.where(stands, 0.0, rims - speed_m_s) / np.where(stands, 1.0, larger))
 

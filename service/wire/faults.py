@@ -65,6 +65,11 @@ def fault(field: str, value: object, allowed: str) -> InputFault:
     return InputFault(field, value, allowed, f"{_short(field)} is {_said(value)}, allowed is {allowed}")
 
 
+def missing(field: str, allowed: str) -> InputFault:
+    """A field that is needed and was not sent."""
+    return InputFault(field, None, allowed, f"{_short(field)} is missing, allowed is {allowed}")
+
+
 def unknown_field(field: str, value: object, allowed: str) -> InputFault:
     """A field that does not exist, most often misspelt."""
     return InputFault(field, value, allowed, f"there is no field '{_short(field)}'; allowed is {allowed}")
@@ -124,7 +129,7 @@ def _fault_of(error: Mapping[str, Any], known: Mapping[str, str]) -> InputFault:
     field = path[0] if path and whole not in known and path[0] in known else whole or "body"
     allowed = _choices(error) or known.get(field, _other_allowed(error))
     if error["type"] == "missing" and field != "body":
-        return InputFault(field, None, allowed, f"{field} is missing, allowed is {allowed}")
+        return missing(field, allowed)
     if error["type"] in _NO_NUMBER:
         return InputFault(field, value, allowed, f"{field} is {_said(value)}, which is no number; allowed is {allowed}")
     return fault(field, value, allowed)

@@ -68,7 +68,8 @@ def _usda(body):
     rover, rate = stage.GetDefaultPrim(), stage.GetTimeCodesPerSecond()
     translate = rover.GetAttribute("xformOp:translate")
     codes = translate.GetTimeSamples()
-    across = "y_m" if stage.GetRootLayer().customLayerData["roverTwin"]["frame"] == "slope" else "z_m"
+    about = json.loads(stage.GetRootLayer().customLayerData["roverTwin"]["metadata"])
+    across = "y_m" if about["frame"] == "slope" else "z_m"  # of the columns; the stage of a drive is always the world
     places = np.array([translate.Get(code) for code in codes])
     assert not places[:, 1].any()
     columns = {"time_s": np.array(codes) / rate, "x_m": places[:, 0], across: places[:, 2]}

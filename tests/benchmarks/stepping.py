@@ -25,6 +25,7 @@ _ARROW = "application/vnd.apache.arrow.stream"
 _KEY = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
 _UPGRADE = f"GET /v1/live HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n{_KEY}\r\n".encode()
 _TOLD = {"slope_deg": 18.5, "torque_nm": 60.0, "dt_s": 0.02}
+_PING, _PONG = 0x89, 0x8A
 MANY, CONNECTIONS, RATE_HZ = 1000, 100, 50.0
 
 
@@ -180,7 +181,16 @@ class _Loop(asyncio.Protocol):
             self._open, self._waits = True, True
             self.transport.write(self._first)  # type: ignore[attr-defined]
             return
-        self._waits = False
+        at = 0
+        while at < len(data):
+            end = at + _frame_bytes(bytearray(data[at : at + 4]), len(data) - at)
+            if data[at] == _PING:  # who does not answer is dropped after 40 s
+                content = data[at + 2 : end]
+                pong = bytes([_PONG, 0x80 | len(content)]) + bytes(4) + content
+                self.transport.write(pong)  # type: ignore[attr-defined]
+            else:
+                self._waits = False
+            at = end
 
     def tick(self) -> None:
         """Time for the next step."""

@@ -337,8 +337,9 @@ def test_the_examples_of_the_clients_readme_and_docstring_run(service_url: str) 
         for example in examples
     ]
 
-    prediction, mobility, suggestions, faults, shortest = outputs
+    prediction, driving, mobility, suggestions, faults, shortest = outputs
     assert re.search(r"viper-lunar@\d+ (climbs|stalls|slides)", prediction)
+    assert re.search(r"^passes \S+ \S+$", driving, flags=re.MULTILINE)
     assert re.search(r"^120 N m: up to \d+\.\d deg, by band$", mobility, flags=re.MULTILINE)
     assert re.search(r"^\d+ of 84 cells climb", mobility, flags=re.MULTILINE)
     assert suggestions.count("runs/viper_") == 3

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import os
-import shutil
 import signal
 import socket
+import socketserver
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 
@@ -28,6 +32,7 @@ from rover_twin_client import (
     OutsideDomainError,
     RoverStep,
     RoverTwin,
+    UnexpectedAnswerError,
 )
 from service.local import load
 from tests.clients.test_against_service import wait_until_ready
@@ -58,6 +63,33 @@ def serving(folder: Path, port: int) -> Iterator[subprocess.Popen[bytes]]:
 def free_port() -> int:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         return int(listener.getsockname()[1])
+
+
+@contextmanager
+def relay(port: int, target: int | None) -> Iterator[None]:
+    """Passes every connection to `port` on to a `target` that listens already."""
+
+    def passed(source: socket.socket, sink: socket.socket) -> None:
+        with suppress(OSError):
+            while content := source.recv(65536):
+                sink.sendall(content)
+            sink.shutdown(socket.SHUT_WR)
+
+    class Handler(socketserver.BaseRequestHandler):
+        def handle(self) -> None:
+            with socket.create_connection(("127.0.0.1", target or 0)) as there, ThreadPoolExecutor(2) as pool:
+                pool.submit(passed, self.request, there)
+                pool.submit(passed, there, self.request)
+
+    class Server(socketserver.ThreadingTCPServer):
+        allow_reuse_address, daemon_threads, block_on_close = True, True, False
+
+    with Server(("127.0.0.1", port), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield
+        server.shutdown()
+        thread.join(10)
 
 
 @pytest.fixture(scope="module")
@@ -113,6 +145,15 @@ def test_a_batch_says_what_is_wrong_with_one(url: str, ask: Any) -> None:
     assert isinstance(second, FailedDrive)
     assert second.index == 1
     assert second.faults[0].field == "mass_kg"
+
+
+def test_drives_of_a_batch_share_a_track(url: str, ask: Any) -> None:
+    drives = [{"mass_kg": 430}, {"mass_kg": 600, "controls": 60}]
+    both = ask(url, "drive_batch", drives, track=TRACK, controls=100, horizon_s=5, dt_s=0.5)
+
+    for mass_kg, torque_nm, drive in zip((430, 600), (100, 60), both, strict=True):
+        alone = ask(url, "drive", mass_kg, TRACK, torque_nm, horizon_s=5, dt_s=0.5)
+        np.testing.assert_allclose(drive.x_m, alone.x_m, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -201,8 +242,83 @@ def test_a_killed_server_loses_no_step(tmp_path: Path, how: signal.Signals) -> N
                 process.send_signal(how)
                 process.wait(timeout=60)
         assert moment.x_m == pytest.approx(expected.x_m[0], abs=1e-9)
+        began = time.monotonic()
         with pytest.raises(ConnectionFailedError):
             live.step("rover", 15, 100, 0.05)
+        assert 5 <= time.monotonic() - began < 10
+        assert set(live.states) == {"rover"}
+
+
+@pytest.mark.parametrize("transport", ["websocket", "http"])
+def test_a_step_waits_for_a_server_that_restarts(url: str, transport: Any) -> None:
+    port = free_port()
+    with RoverTwin(f"http://127.0.0.1:{port}") as twin, twin.live(transport=transport) as live:
+        live.start("rover", mass_kg=430)
+        with ThreadPoolExecutor(1) as pool:
+            waiting = pool.submit(live.step, "rover", 15, 100, 0.05)
+            time.sleep(2)
+            assert not waiting.done()
+            with relay(port, httpx.URL(url).port):
+                assert waiting.result(30).time_s == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize("transport", ["websocket", "http"])
+def test_a_client_without_retries_tries_once(transport: Any) -> None:
+    with RoverTwin(f"http://127.0.0.1:{free_port()}", retries=0) as twin, twin.live(transport=transport) as live:
+        live.start("rover", mass_kg=430)
+        began = time.monotonic()
+        with pytest.raises(ConnectionFailedError):
+            live.step("rover", 15, 100)
+        assert time.monotonic() - began < 3
+
+
+def test_an_address_that_is_no_service_is_not_tried_again(url: str) -> None:
+    with RoverTwin(f"{url}/elsewhere") as twin, twin.live() as live:
+        live.start("rover", mass_kg=430)
+        began = time.monotonic()
+        with pytest.raises(UnexpectedAnswerError):
+            live.step("rover", 15, 100)
+        assert time.monotonic() - began < 3
+
+
+@pytest.mark.parametrize("transport", ["websocket", "http"])
+def test_threads_take_turns(url: str, transport: Any) -> None:
+    with RoverTwin(url) as twin, twin.live(transport=transport) as live, ThreadPoolExecutor(8) as pool:
+        names = [f"rover-{at}" for at in range(8)]
+        for at, name in enumerate(names):
+            live.start(name, mass_kg=400 + at)
+        moments = list(pool.map(lambda at: live.step(names[at % 8], 10, 100, 0.1), range(80)))
+        assert [each.id for each in moments] == names * 10
+        assert {name: live.step(name, 10, 100, 0.1).time_s for name in names} == pytest.approx(
+            dict.fromkeys(names, 1.1)
+        )
+
+
+def test_tasks_take_turns_and_a_cancelled_one_takes_no_answer_along(url: str) -> None:
+    async def drive() -> list[Moment]:
+        async with AsyncRoverTwin(url) as twin, twin.live() as live:
+            for name in "abcd":
+                live.start(name, mass_kg=430)
+            moments = await asyncio.gather(*(live.step(name, 10, 100, 0.1) for name in "abcd" * 5))
+            given_up = asyncio.create_task(live.step("a", 10, 100, 0.1))
+            await asyncio.sleep(0)
+            await asyncio.sleep(0)
+            given_up.cancel()
+            return [*moments, await live.step("b", 10, 100, 0.1)]
+
+    *moments, last = asyncio.run(drive())
+    assert [each.id for each in moments] == list("abcd" * 5)
+    assert (last.id, last.time_s) == ("b", pytest.approx(0.6))
+
+
+@pytest.mark.parametrize("transport", ["websocket", "http"])
+def test_a_closed_live_does_not_come_back(url: str, transport: Any) -> None:
+    with RoverTwin(url) as twin:
+        with twin.live(transport=transport) as live:
+            live.start("rover", mass_kg=430)
+            live.step("rover", 10, 100)
+        with pytest.raises(RuntimeError, match="closed"):
+            live.step("rover", 10, 100)
         assert set(live.states) == {"rover"}
 
 
@@ -215,56 +331,6 @@ def test_the_asynchronous_client_steps_too(url: str) -> None:
             return moment
 
     assert asyncio.run(drive()).time_s == pytest.approx(2.0)
-
-
-@pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
-class TestScripts:
-    """The shell scripts: what they print, and how they exit."""
-
-    def run(self, url: str, script: str, *arguments: str, text: str = "") -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            ["sh", str(REPOSITORY / "clients" / "curl" / script), *arguments],
-            env=os.environ | {"ROVER_TWIN_URL": url},
-            input=text,
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=60,
-        )
-
-    def test_a_drive(self, url: str) -> None:
-        done = self.run(url, "drive.sh", "--csv", "430", "100", "2", "0:10", "2:-20.5")
-
-        assert (done.returncode, done.stderr) == (0, "")
-        assert done.stdout.startswith("time_s,x_m,y_m,speed_m_s,slope_deg,torque_nm,brake,slip_ratio\n")
-        assert len(done.stdout.splitlines()) == 42
-
-    @pytest.mark.parametrize("knots", [["0:80"], ["2:1", "1:1"]])
-    def test_a_refused_drive(self, url: str, knots: list[str]) -> None:
-        done = self.run(url, "drive.sh", "430", "100", "2", *knots)
-
-        assert done.returncode == 1
-        assert done.stdout == ""
-        assert done.stderr.startswith("drive.sh: track.")
-
-    @pytest.mark.parametrize("arguments", [[], ["430"], ["430", "100", "2", "steep"], ["430", "1}", "2", "0:1"]])
-    def test_wrong_usage(self, url: str, arguments: list[str]) -> None:
-        assert self.run(url, "drive.sh", *arguments).returncode == 2
-
-    def test_steps(self, url: str) -> None:
-        done = self.run(url, "steps.sh", "430", text="10 100 0.5\n15 100 0.5\n15 brake 0.5\n")
-
-        assert (done.returncode, done.stderr) == (0, "")
-        rows = [[float(number) for number in line.split()] for line in done.stdout.splitlines()]
-        assert [row[0] for row in rows] == [0.5, 1.0, 1.5]
-        assert rows[1][2] > 0.1 > abs(rows[2][2])
-
-    def test_a_refused_step_says_why(self, url: str) -> None:
-        done = self.run(url, "steps.sh", "430", text="10 100 0.5\n99 100 0.5\n")
-
-        assert done.returncode == 1
-        assert len(done.stdout.splitlines()) == 1
-        assert done.stderr == "steps.sh: slope_deg is 99, allowed is -45 to 45\n"
 
 
 def test_a_message_that_is_refused_whole_says_why(url: str) -> None:

@@ -52,7 +52,7 @@ def test_await_and_async_go_and_names_change_in_code_and_in_words(script: Module
     )
 
 
-@pytest.mark.parametrize("source", ["import asyncio", "AsyncLock()", "to be awaited", "x = [await\ny]"])
+@pytest.mark.parametrize("source", ["import asyncio", "AsyncEvent()", "to be awaited", "x = [await\ny]"])
 def test_an_asynchronous_word_without_a_synchronous_form_is_refused(script: ModuleType, source: str) -> None:
     with pytest.raises(ValueError, match="has no synchronous form"):
         script.sync(source)

@@ -75,5 +75,9 @@ def test_the_command_says_what_cannot_be(tmp_path):
     paper = call("models", "export-fmu", "viper-lunar-paper", "--output", output)
     assert (paper.code, "drive model" in paper.error) == (ExitCode.USAGE, True)
     assert call("models", "export-fmu", "viper-lunar@99", "--output", output).code == ExitCode.NOT_FOUND
-    assert call("models", "export-fmu", "viper-lunar", "--output", tmp_path / "no" / "x.fmu").code == ExitCode.FAILED
+    for nowhere in (tmp_path / "no" / "x.fmu", tmp_path, tmp_path / ("x" * 300)):
+        said = call("models", "export-fmu", "viper-lunar", "--output", nowhere)
+        assert (said.code, said.error.startswith(f"{nowhere} ")) == (ExitCode.FAILED, True), said.error
+    said = call("models", "export-fmu", "viper-lunar", "--fmi", "4", "--output", output)
+    assert said.error.startswith("Invalid value for '--fmi': '4' is not one of '2.0', '3.0'.")
     assert not list(tmp_path.iterdir())

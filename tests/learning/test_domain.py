@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.learning.domain import FIELDS, Domain
+from service.learning.domain import FIELDS, Domain, DomainReason
 from service.learning.observed import Controls
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.scenario import Scenarios
@@ -45,6 +45,14 @@ def test_what_is_outside_is_named(scenario, fields):
 def test_a_reason_says_how_far():
     (reason,) = DOMAIN.judge(21.5, 430, 60, HORIZON_S).reasons
     assert reason.detail == "slope_deg 21.5 deg is 1.5 deg above the training runs (0 to 20 deg)"
+
+
+def test_a_reason_writes_no_exponents():
+    far = DomainReason("mass_kg", 5000.0, 302.9, 892.1)
+    near = DomainReason("slope_deg", 20.00002, 0.0, 20.0)
+
+    assert far.detail == "mass_kg 5000 kg is 4110 kg above the training runs (302.9 to 892.1 kg)"
+    assert near.detail == "slope_deg 20 deg is 0.00002 deg above the training runs (0 to 20 deg)"
 
 
 def test_survives_json():

@@ -18,6 +18,7 @@ from service.wire.drives.batch_answer import DriveBatchAnswer
 from service.wire.drives.batch_subject import DriveBatchSubject
 from service.wire.drives.subject import DriveSubject
 from service.wire.forms import ENCODERS, Format
+from service.wire.forms.plot import figure_of
 from tests.api.readings import DATA_FORMS, about_in, columns_in, stage_of
 from tests.twin.drives.made import champion
 
@@ -78,6 +79,28 @@ def test_the_stage_pitches_the_rover_with_the_slope_under_it():
     pitch = np.degrees([2.0 * np.arctan2(-turn.GetImaginary()[1], turn.GetReal()) for turn in turns])
 
     np.testing.assert_allclose(pitch, subject.drive.trajectory["slope_deg"], atol=1e-4)
+
+
+@pytest.mark.parametrize("frame", Frame)
+def test_the_stage_is_the_world_in_both_frames(frame):
+    stage = stage_of(ENCODERS[Format.USDA].encode(subject_of(frame)))
+
+    assert stage.GetRootLayer().customLayerData["roverTwin"]["frame"] == "world"
+
+
+def test_a_picture_steps_from_torque_to_torque_and_shades_the_brake():
+    subject = subject_of(Frame.SLOPE)
+    panels = figure_of(subject).axes
+    (torque,) = [line for line in panels[-1].lines if line.get_label() == "prediction"]
+
+    assert torque.get_drawstyle() == "steps-post"
+    assert panels[0].lines[0].get_drawstyle() == "default"
+    for axes in panels:
+        (shade,) = [each for each in axes.collections if each.get_label() == "brake"]
+        (path,) = shade.get_paths()
+        assert (path.vertices[:, 0].min(), path.vertices[:, 0].max()) == (4.0, 5.0)
+    free = DriveSubject(subject.loaded, driven(SHORT, Wanted(), False, subject.loaded).drive)
+    assert not figure_of(free).axes[0].collections
 
 
 @pytest.mark.parametrize("form", ["svg", "png"])

@@ -34,6 +34,7 @@ class Slug(StrEnum):
     ALIAS_NOT_FOUND = "alias-not-found"
     DATASET_NOT_FOUND = "dataset-not-found"
     METHOD_NOT_ALLOWED = "method-not-allowed"
+    UPGRADE_REQUIRED = "upgrade-required"
     UNAUTHORIZED = "unauthorized"
     ADMIN_OFF = "admin-off"
     DATASET_REJECTED = "dataset-rejected"
@@ -185,6 +186,9 @@ _ROWS = (
     ),
     ProblemKind(
         Slug.METHOD_NOT_ALLOWED, 405, "Method not allowed", "The `Allow` header lists the methods of this address."
+    ),
+    ProblemKind(
+        Slug.UPGRADE_REQUIRED, 426, "Upgrade required", "The address takes no plain requests; open a WebSocket there."
     ),
     ProblemKind(
         Slug.ARTEFACT_CORRUPT,

@@ -13,7 +13,7 @@ from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass, replace
 from email.message import Message
 from functools import lru_cache
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 from urllib.parse import parse_qsl
 
 import orjson
@@ -22,9 +22,9 @@ from fastapi._compat import ModelField
 from fastapi.dependencies.models import Dependant
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from service.allowed import allowed_fields
+from service.allowed import allowed_fields, allowed_values
 from service.api.http.exceptions import UnsupportedMediaTypeError
 from service.wire.faults import InvalidInputError, MalformedBodyError, fault, faults_of, require_unique
 
@@ -32,6 +32,7 @@ Model = TypeVar("Model", bound=BaseModel)
 Answer = Callable[[Request], Coroutine[Any, Any, Response]]
 
 _MOST_MEMBERS = 1000  # no object here has nearly as many; to find a fault in each of them would take seconds
+_NESTED = (dict, list)
 _READ = "service.read"
 _REQUEST = "__request"
 
@@ -152,8 +153,12 @@ def _names_in(node: object) -> int:
     """How many names the objects have. A list that begins with a plain value counts as none."""
     if isinstance(node, dict):
         _require_few_members(len(node))
-        return len(node) + sum(_names_in(each) for each in node.values() if isinstance(each, dict | list))
-    if isinstance(node, list) and node and isinstance(node[0], dict | list):
+        found = len(node)
+        for each in node.values():
+            if isinstance(each, _NESTED):
+                found += _names_in(each)
+        return found
+    if isinstance(node, list) and node and isinstance(node[0], _NESTED):
         return sum(map(_names_in, node))
     return 0
 
@@ -214,6 +219,7 @@ class Route(APIRoute):
         self.declare()
         bare = copy.copy(self)
         bare.dependant, bare.body_field = _bare(self.dependant), None
+        words = {each.name: _words_of(each) for each in self.dependant.path_params}
         handle = APIRoute.get_route_handler(bare)
 
         async def handle_read(request: Request) -> Response:
@@ -222,9 +228,15 @@ class Route(APIRoute):
             try:
                 return await handle(request)
             except RequestValidationError as error:
-                raise InvalidInputError(*faults_of(error.errors(), {})) from error
+                raise InvalidInputError(*faults_of(error.errors(), words)) from error
 
         return handle_read
+
+
+def _words_of(field: ModelField) -> str:
+    """What a part of the address allows."""
+    kind: Any = Annotated[field.field_info.annotation, field.field_info]
+    return allowed_values(TypeAdapter(kind).json_schema())
 
 
 def _bare(dependant: Dependant) -> Dependant:

@@ -9,21 +9,25 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections.abc import Callable
 from typing import Any
 
 import orjson
 import structlog
-from starlette.routing import WebSocketRoute
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route, WebSocketRoute
 from starlette.types import Message, Receive, Scope, Send
 
 from service.api.http.errors import problem, problem_members, told
 from service.api.http.reading import parsed
 from service.api.http.worker_threads import OverloadedError
 from service.api.services import Services
-from service.api.v1.stepping import Stepping, problems
-from service.wire.steps.answer import encode_steps
+from service.api.v1.stepping import BYTES_AT_ONCE, SECONDS_AT_ONCE, Stepping, problems, rover_problem
+from service.wire.steps.answer import encode_one, encode_steps
 from service.wire.steps.fleet import Fleet, Stepped
-from service.wire.steps.question import STEPS_WORDS, StepsQuestion, read_steps
+from service.wire.steps.question import STEPS_WORDS, RoverStep, StepsQuestion, read_one, read_steps
 
 PATH = "/v1/live"
 MAX_MESSAGE_BYTES = 4 << 20
@@ -106,18 +110,39 @@ class LiveConnection:
 
     async def _answer(self, content: bytes) -> bytes:
         """What is answered to one message; whatever is wrong with it, the connection goes on."""
+        try:
+            if len(content) > BYTES_AT_ONCE:
+                return await self._answer_to_many(len(content), lambda: parsed(content, STEPS_WORDS))
+            document = parsed(content, STEPS_WORDS)
+            rover = read_one(document)
+            found = None if rover is None else self._answer_to_one(rover)
+            return await self._answer_to_many(len(content), lambda: document) if found is None else found
+        except Exception as error:
+            described = told(error, PATH)
+            return orjson.dumps({"error": {**problem_members(described), **described.members}})
 
+    def _answer_to_one(self, rover: RoverStep) -> bytes | None:
+        """What `_answer_to_many` would answer, in a fifth of the time. None where it has to."""
+        if rover.dt_s > SECONDS_AT_ONCE:
+            return None
+        began = time.perf_counter()
+        found = self._fleet.step_one(rover)
+        if found is None:
+            return None
+        refused = isinstance(found, Exception)
+        self._services.instruments.stepped(PATH, int(not refused), int(refused), time.perf_counter() - began)
+        if isinstance(found, Exception):
+            return encode_steps(Stepped([], {}), [rover_problem(0, rover.id, found, PATH)], with_state=False)
+        return encode_one(rover.id, *found)
+
+    async def _answer_to_many(self, size_bytes: int, document: Callable[[], object]) -> bytes:
         def read() -> StepsQuestion:
-            return read_steps(parsed(content, STEPS_WORDS), live=True, most=self._most)
+            return read_steps(document(), live=True, most=self._most)
 
         def answer(question: StepsQuestion, found: Stepped) -> bytes:
             return encode_steps(found, problems(question, found, PATH), with_state=question.with_state)
 
-        try:
-            return await Stepping(self._services, PATH, self._fleet, read, answer).done(len(content))
-        except Exception as error:
-            described = told(error, PATH)
-            return orjson.dumps({"error": {**problem_members(described), **described.members}})
+        return await Stepping(self._services, PATH, self._fleet, read, answer).done(size_bytes)
 
     def _count(self) -> None:
         now = len(self._fleet)
@@ -195,4 +220,10 @@ def _ended_by(message: Message) -> str:
     return {1000: "closed", 1001: "closed", 1005: "closed", 1009: "too_large"}.get(code, "lost")
 
 
-route = WebSocketRoute(PATH, LiveEndpoint())
+async def _plain(_: Request) -> Response:
+    """What somebody gets who asks the address with a browser."""
+    detail = "open a WebSocket here; docs/asyncapi.yaml says what its messages are"
+    raise HTTPException(426, detail, {"Upgrade": "websocket", "Connection": "Upgrade"})
+
+
+routes = (WebSocketRoute(PATH, LiveEndpoint()), Route(PATH, _plain, include_in_schema=False))

@@ -10,6 +10,7 @@ from typing import Any, Generic, TypeVar
 from model_store import StoreError
 from service.api.http.errors import problem_members, told
 from service.api.services import Services
+from service.datasets.file_names import printable
 from service.errors import RoverTwinError
 from service.twin import Loaded
 from service.wire.faults import MAX_SHOWN
@@ -18,8 +19,8 @@ from service.wire.steps.question import StepsQuestion
 
 Result = TypeVar("Result")
 
-# On the event loop, for handing them to a thread takes longer: bytes that are read, rovers, seconds of all of them
-_BYTES_AT_ONCE, _ROVERS_AT_ONCE, _SECONDS_AT_ONCE = 16_384, 16, 2.0
+# On the event loop, for handing them to a thread takes longer: bytes that are read, seconds of all rovers, rovers
+BYTES_AT_ONCE, SECONDS_AT_ONCE, _ROVERS_AT_ONCE = 16_384, 2.0, 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class Stepping(Generic[Result]):
 
     async def done(self, size_bytes: int) -> Result:
         """Raises what `read` raises, what `Services.twin` raises of a model that is named, and OverloadedError."""
-        question = self.read() if size_bytes <= _BYTES_AT_ONCE else None
+        question = self.read() if size_bytes <= BYTES_AT_ONCE else None
         if question is not None and _is_small(question):
             came = travelled(question)
             loaded = self._resident(came)
@@ -83,15 +84,16 @@ class Stepping(Generic[Result]):
 
 def _is_small(question: StepsQuestion) -> bool:
     """Whether it is answered in well under a millisecond."""
-    return len(question) <= _ROVERS_AT_ONCE and float(question.dt_s.sum()) <= _SECONDS_AT_ONCE
+    return len(question) <= _ROVERS_AT_ONCE and float(question.dt_s.sum()) <= SECONDS_AT_ONCE
 
 
 def problems(question: StepsQuestion, found: Stepped, path: str) -> list[dict[str, Any]]:
     """The problems of rovers that were not moved on, in order, without what only a whole answer has."""
-    return [_problem(at, question.sent_ids[at], found.failures[at], path) for at in sorted(found.failures)]
+    return [rover_problem(at, question.sent_ids[at], found.failures[at], path) for at in sorted(found.failures)]
 
 
-def _problem(index: int, name: object, error: Exception, path: str) -> dict[str, Any]:
+def rover_problem(index: int, name: object, error: Exception, path: str) -> dict[str, Any]:
+    """That of one rover, at its place among those that were sent."""
     described = told(error, path)
-    sent = name[:MAX_SHOWN] if isinstance(name, str) else None
+    sent = printable(name[:MAX_SHOWN]) if isinstance(name, str) else None
     return {"index": index, "id": sent, **problem_members(described), **described.members}

@@ -24,10 +24,23 @@ class Written:
 def write_fmu(store: ModelStore, reference: str, fmi: str, output: Path) -> Written:
     """Write the archive, whole or not at all, over one that is there.
 
-    Raises InvalidValueError for a version of another architecture, OSError, and what the store raises.
+    Raises InvalidValueError for a version of another architecture, OSError, which names `output`, and what the store
+    raises.
     """
+    if os.path.isdir(output):  # noqa: PTH112 - false for a name that is too long
+        raise IsADirectoryError(f"{output} is a folder; name a file, such as {output / 'viper.fmu'}")
+    if not output.parent.is_dir():
+        raise FileNotFoundError(f"{output} cannot be written: there is no folder {output.parent}")
     manifest = find_version(store, reference)
     content = fmu_bytes(load_twin(store, manifest.name, manifest.version), Fmi(fmi))
+    try:
+        _put(content, output)
+    except OSError as error:
+        raise OSError(f"{output} cannot be written: {error.strerror}") from error
+    return Written(f"{manifest.name}@{manifest.version}", len(content))
+
+
+def _put(content: bytes, output: Path) -> None:
     handle, beside = tempfile.mkstemp(prefix=f".{output.name}.", dir=output.parent)
     try:
         with os.fdopen(handle, "wb") as file:
@@ -36,4 +49,3 @@ def write_fmu(store: ModelStore, reference: str, fmi: str, output: Path) -> Writ
         Path(beside).replace(output)
     finally:
         Path(beside).unlink(missing_ok=True)
-    return Written(f"{manifest.name}@{manifest.version}", len(content))

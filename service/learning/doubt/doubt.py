@@ -237,12 +237,12 @@ class Doubt:
         `at` gives the x that the drive with an offset has at some of the times, where that is sooner had than all.
         """
         scale = UNIT_OFFSET * (self.drive_scales(meeting) if scales is None else scales)[0]
-        seconds, steps = late_part(meeting.time_s, meeting.driven), np.diff(meeting.time_s)
+        seconds, steps = late_part(meeting.time_s, meeting.driven), meeting.time_s[1:] - meeting.time_s[:-1]
         weights = seconds / np.maximum(steps, 1e-12) / max(float(seconds.sum()), 1e-12)
         counts = np.concatenate([-weights[:1], weights[:-1] - weights[1:], weights[-1:]])  # of x for the late speed
-        counts[1:-1][np.abs(counts[1:-1]) < 1e-11] = 0.0  # what rounding leaves of equal steps
-        rows = np.flatnonzero(counts)
-        rows = np.union1d(rows, (0, len(counts) - 1))
+        counted = np.abs(counts) >= 1e-11  # less is what rounding leaves of equal steps
+        counted[0] = counted[-1] = True
+        rows = np.flatnonzero(counted)
         known: dict[float, tuple[float, float]] = {}
 
         def ended(x_m: Array) -> tuple[float, float]:
@@ -269,7 +269,8 @@ class Doubt:
 
     def drive_scales(self, meeting: Meeting) -> Array:
         """What to expect along a drive: (2, 1), of offsets in units of UNIT_OFFSET, and of y (m)."""
-        return np.asarray(self.scale.at(meeting.places(self.rover, self.regolith)).mean(axis=1, keepdims=True))
+        found = self.scale.at(meeting.places(self.rover, self.regolith))
+        return np.asarray(found.sum(axis=1, keepdims=True) / found.shape[1])
 
     def drive_factor(self, level: float) -> float:
         """By how much the scale of a drive is multiplied for x. Raises InvalidValueError for a level beyond bounds."""

@@ -137,11 +137,11 @@ def late_part(time_s: Array, driven: npt.NDArray[np.bool_]) -> Array:
 
     Only time in which motors drive counts, as far back as needed; all of it where they never do.
     """
-    steps = np.diff(time_s)
-    counts = np.where(driven[:-1], steps, 0.0) if driven[:-1].any() else steps
+    steps, drives = time_s[1:] - time_s[:-1], driven[:-1]
+    counts = steps if drives.all() or not drives.any() else np.where(drives, steps, 0.0)
     wanted = 0.25 * (time_s[-1] - time_s[0])
     after = counts[::-1].cumsum()[::-1] - counts  # of what counts, later than this interval
-    return np.asarray(np.clip(wanted - after, 0.0, counts))
+    return np.asarray(np.minimum(np.maximum(wanted - after, 0.0), counts))
 
 
 def mean_speed(x_m: Array, time_s: Array, seconds: Array) -> Array:

@@ -20,6 +20,7 @@ LAST_PART = 0.25
 # doubt is alike were chosen by leaving out each of 164 runs: half or twice of one predicts errors 1 to 5 % worse.
 _LENGTHS: Array = np.array([0.11, 0.31, 0.53, 0.48])
 _LEAST_RATIO, _SLOW_M_S = 0.0125, 0.1
+_PART_NUMBERS: Array = np.arange(PARTS + 1.0)
 
 
 class OffsetModel(TrajectoryModel, Protocol):
@@ -61,13 +62,13 @@ class Meeting:
 
     def places(self, rover: RoverParameters, regolith: RegolithParameters) -> Array:
         """Places (part, coordinate) along the way, those without the parts in which wheels are locked; one at least."""
-        ends = np.linspace(self.time_s[0], self.time_s[-1], PARTS + 1)
-        x, part_s = np.interp(ends, self.time_s, self.x_m), float(self.time_s[-1] - self.time_s[0]) / PARTS
+        part_s = float(self.time_s[-1] - self.time_s[0]) / PARTS
+        ends = _PART_NUMBERS * part_s + self.time_s[0]
+        x = np.interp(ends, self.time_s, self.x_m)
         speed = (x[1:] - x[:-1]) / max(part_s, 1e-9)
         rows = np.minimum(np.searchsorted(self.time_s, 0.5 * (ends[1:] + ends[:-1])), len(self.time_s) - 1)
-        mass = np.full(PARTS, self.mass_kg)
-        ratio = torque_ratio_of(rover, regolith, mass, self.torque_nm[rows])
-        found = places(self.slope_rad[rows], ratio, mass, speed)
+        ratio = torque_ratio_of(rover, regolith, self.mass_kg, self.torque_nm[rows])
+        found = places(self.slope_rad[rows], ratio, np.array(self.mass_kg), speed)
         rolling = ~self.brake[rows]
         return found[rolling] if rolling.any() else found
 
@@ -98,7 +99,7 @@ def places(slope_rad: Array, torque_ratio: Numbers, mass_kg: Array, speed_m_s: A
         np.log(mass_kg),
         np.arcsinh(np.asarray(speed_m_s) / _SLOW_M_S),
     )
-    found = np.empty((*np.broadcast_shapes(*(np.shape(column) for column in columns)), len(_LENGTHS)))
+    found = np.empty((*np.broadcast(*columns).shape, len(_LENGTHS)))
     for at, column in enumerate(columns):
         found[..., at] = column
     found /= _LENGTHS

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -187,6 +188,7 @@ def _cumulated(t: Array) -> Array:
     return np.asarray(0.5 + 0.75 * sine * (1.0 - np.square(sine) / 3.0))
 
 
+@lru_cache(maxsize=64)
 def _quantile(share: float) -> float:
     """The t that a share lies below (Shaw 2006, Sampling Student's t distribution, section 4)."""
     if not 0.0 < share < 1.0:

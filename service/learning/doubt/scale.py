@@ -40,8 +40,11 @@ class Scale:
         found = np.empty((len(self.sizes), len(places)))
         for rows in chunks(len(places), FEW * len(self.places)):
             squared = self._points.squared_distances(places[rows])
-            growth = 1.0 + np.minimum(_GROWTH * squared.min(axis=1), _MOST_GROWTH)
-            found[:, rows] = np.exp(self._logarithms @ kernel(squared).T) * growth + self._floor[:, None]
+            least = squared.min(axis=1)
+            weights = np.exp(0.5 * (least[:, None] - squared))
+            mean = self._logarithms @ weights.T / weights.sum(axis=1)
+            growth = 1.0 + np.minimum(_GROWTH * least, _MOST_GROWTH)
+            found[:, rows] = np.exp(mean) * growth + self._floor[:, None]
         return found
 
 

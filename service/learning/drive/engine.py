@@ -7,6 +7,7 @@ event, 0.05 s later; an event is the start or a change of torque or brake), to 1
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from ctypes import addressof
 from dataclasses import dataclass, replace
@@ -46,12 +47,13 @@ class Engine:
         self._number = law.number
         self._laid_out = LaidOutLaw(law)
         self._address = self._laid_out.address
+        self._flat = LaidOutLaw(law, heights=False)
         self._library = library()
 
     def start(self, mass_kg: float, start_speed_m_s: float = 0.0) -> State:
         """A rover that begins to move, at 0. Raises ValueError for a mass that is not positive."""
-        _require(np.isfinite(mass_kg) and mass_kg > 0, f"mass_kg must be positive, got {mass_kg}")
-        _require(np.isfinite(start_speed_m_s), f"start_speed_m_s must be finite, got {start_speed_m_s}")
+        _require(math.isfinite(mass_kg) and mass_kg > 0, f"mass_kg must be positive, got {mass_kg}")
+        _require(math.isfinite(start_speed_m_s), f"start_speed_m_s must be finite, got {start_speed_m_s}")
         numbers = np.empty(SIZE)
         self._library.rover_start(self._address, mass_kg, start_speed_m_s, address(numbers))
         return State(numbers)
@@ -84,13 +86,24 @@ class Engine:
         a fraction of the weight. Raises ValueError for a state of another law and for times that fall, are negative,
         not finite or beyond MOST_S.
         """
+        outputs, numbers = self._driven(self._address, start, track, controls, time_s, offset)
+        return Motion(*outputs), State(numbers)
+
+    def positions(self, start: State, track: Track, controls: Controls, time_s: Array, offset: float = 0.0) -> Array:
+        """The x (time,) of `drive` alone, to the bit: a seventh sooner, as nothing is said of heights."""
+        return np.asarray(self._driven(self._flat.address, start, track, controls, time_s, offset)[0][0])
+
+    def _driven(
+        self, law: int, start: State, track: Track, controls: Controls, time_s: Array, offset: float
+    ) -> tuple[Array, Array]:
+        """Columns (OUTPUTS, time) and the numbers of the state at the last time."""
         self._require_own(start)
-        _require(np.isfinite(offset), f"offset must be finite, got {offset}")
+        _require(math.isfinite(offset), f"offset must be finite, got {offset}")
         times = _times(time_s)
         numbers, outputs = start.numbers.copy(), np.empty((OUTPUTS, len(times)))
         along, told = track.compiled(), controls.compiled()
         self._library.rover_drive(
-            self._address,
+            law,
             address(numbers),
             addressof(along),
             addressof(told),
@@ -99,7 +112,7 @@ class Engine:
             address(times),
             address(outputs),
         )
-        return Motion(*outputs), State(numbers)
+        return outputs, numbers
 
     def constant(
         self,
@@ -126,14 +139,10 @@ class Engine:
         )
         if time.ndim == 2:
             _require(len(time) == count, f"times {time.shape} do not fit {count} scenarios")
+        back = None
         if not _rise(time):
             _require(not np.isnan(time).any(), f"times must be 0 to {MOST_S:g} s")  # no order sorts them
-            order = np.argsort(time, axis=-1, kind="stable")
-            sorted_time = np.take_along_axis(time, order, -1)
-            found = self.constant(slopes, mass_kg, torque_nm, start_speed_m_s, sorted_time, offset)
-            back = np.broadcast_to(np.argsort(order, axis=-1), found[0].shape)
-            x, speed, front, rear, y = (np.take_along_axis(each, back, -1) for each in found)
-            return x, speed, front, rear, y
+            time, back = _sorted(time)
         _require_range(time)
         times = time.shape[-1]
         outputs = np.empty((5, count, times))
@@ -141,6 +150,10 @@ class Engine:
         self._library.rover_constant(
             self._address, count, address(scenarios), times, address(time), stride, address(outputs)
         )
+        if back is not None and time.ndim == 1:
+            outputs = outputs.take(back, axis=2)
+        elif back is not None:
+            outputs = np.take_along_axis(outputs, back[None], axis=2)
         return outputs[0], outputs[1], outputs[2], outputs[3], outputs[4]
 
     def height_features(self, start: State, track: Track, controls: Controls, time_s: Array) -> Array:
@@ -200,6 +213,10 @@ class Engine:
         )
         return outputs
 
+    def advance_one(self, numbers: int, inputs: int, outputs: int) -> None:
+        """`advance` of one rover without a track, of and to arrays at these addresses."""
+        self._library.rover_step(self._address, 1, numbers, inputs, None, outputs)
+
     def _require_own(self, state: State) -> None:
         if state.law != self._number:
             raise ValueError("the state belongs to another model, or to another version of this one: start anew")
@@ -217,8 +234,16 @@ def _times(time_s: Array) -> Array:
     times = contiguous(time_s)
     _require(times.ndim == 1, f"times must be (time,), got {times.shape}")
     _require(_rise(times), "times must not fall")
-    _require_range(times)
+    _require(not len(times) or 0 <= times[0] <= times[-1] <= MOST_S, f"times must be 0 to {MOST_S:g} s")
     return times
+
+
+def _sorted(times: Array) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Times (..., time) in order, and which of them each one is then."""
+    order = np.argsort(times, axis=-1, kind="stable")
+    back = np.empty_like(order)
+    np.put_along_axis(back, order, np.broadcast_to(np.arange(order.shape[-1]), order.shape), -1)
+    return np.take_along_axis(times, order, -1), back
 
 
 def _rise(times: Array) -> bool:

@@ -161,9 +161,12 @@ class Law:
 
 
 class LaidOutLaw:
-    """A law as the engine reads it: keeps the arrays whose addresses are in the struct, which nobody changes."""
+    """A law as the engine reads it: keeps the arrays whose addresses are in the struct, which nobody changes.
 
-    def __init__(self, law: Law) -> None:
+    Without `heights` the engine spends no time on them: all are 0.
+    """
+
+    def __init__(self, law: Law, *, heights: bool = True) -> None:
         self._kept: list[Array] = []
         rover = law.rover
         self.struct = CompiledLaw(
@@ -180,7 +183,7 @@ class LaidOutLaw:
             stall=self._basis(law.stall),
             parameters=self._keep(law.parameters),
             weights=self._keep(law.padded_weights(law.weights)),
-            heights=self._keep(law.heights),
+            heights=self._keep(law.heights) if heights else None,
         )
         self.address = ctypes.addressof(self.struct)
 

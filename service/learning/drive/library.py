@@ -183,7 +183,7 @@ def vector_bits() -> int:
 
 def address(array: npt.NDArray[np.float64] | npt.NDArray[np.int64]) -> int:
     """Where a contiguous array lies. It must be kept as long as the address is used."""
-    return int(array.__array_interface__["data"][0])
+    return int(array.ctypes.data)  # half as long as asking __array_interface__
 
 
 def contiguous(array: Array | float) -> Array:

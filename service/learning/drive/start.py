@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,9 +28,11 @@ class StartSpeeds:
     weights: Array
     slope_rad: tuple[float, float]
     mass_kg: tuple[float, float]
+    _compiled: CompiledRelease = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "weights", contiguous(self.weights))
+        object.__setattr__(self, "_compiled", self._laid_out())
 
     @classmethod
     def of(cls, runs: Sequence[ObservedRun]) -> StartSpeeds:
@@ -55,6 +57,9 @@ class StartSpeeds:
 
     def compiled(self) -> CompiledRelease:
         """As the engine has it, as long as this is kept."""
+        return self._compiled
+
+    def _laid_out(self) -> CompiledRelease:
         return CompiledRelease(
             len(_SLOPES_DEG),
             len(_LOG_MASSES),

@@ -6,6 +6,7 @@ of an arrival.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -218,7 +219,7 @@ class _Answer:
             lambda offset: self._rover.positions(times, offset),
             self._meeting,
             self._scales,
-            lambda offset, some: self._rover.at(some, offset).motion.x_m,
+            lambda offset, some: self._rover.x_at(some, offset),
         )
         return Probabilities(*(float(found[each]) for each in (Class.CLIMBS, Class.STALLS, Class.SLIDES)))
 
@@ -266,7 +267,7 @@ class _Answer:
     def _require_finite(self, found: Drive) -> None:
         columns: list[Array] = [] if found.band is None else list(found.band.columns().values())
         scalars = (found.summary.motor_energy_j, found.summary.distance_m, found.summary.mean_speed_m_s)
-        if not (all(np.isfinite(each).all() for each in columns) and np.isfinite(scalars).all()):
+        if not (all(np.isfinite(each).all() for each in columns) and all(map(math.isfinite, scalars))):
             raise self._not_finite()
 
     def _not_finite(self) -> NonFiniteError:

@@ -84,10 +84,16 @@ def events_of(
 
 def _may_be_trouble(way: Way) -> bool:
     """Whether it is slow, or goes back, for half a second in one go: seldom so, and quickly seen."""
-    forwards = np.flatnonzero(way.motion.speed_m_s > SLOW_M_S)
+    time, fast = way.time_s, way.motion.speed_m_s > SLOW_M_S
+    slow = np.flatnonzero(~fast)
+    if not slow.size:
+        return False
+    before, after = max(int(slow[0]) - 1, 0), min(int(slow[-1]) + 1, len(time) - 1)
+    if time[after] - time[before] < SLIDES_AFTER_S:
+        return False
+    forwards = np.flatnonzero(fast)
     if not forwards.size:
         return True
-    time = way.time_s
     gaps = np.flatnonzero(forwards[1:] - forwards[:-1] > 1)
     inside = bool((time[forwards[gaps + 1]] - time[forwards[gaps]] >= SLIDES_AFTER_S).any())
     return inside or bool(time[forwards[0]] >= SLIDES_AFTER_S or time[-1] - time[forwards[-1]] >= SLIDES_AFTER_S)

@@ -22,6 +22,7 @@ from service.learning.drive.inputs import Track
 from service.physics.scenario import Array
 
 STEEPEST_DEG = 90.0
+_ROUNDING_DEG = 1e-6  # of elevations, whose slopes are no decimals
 _RADIANS = np.pi / 180.0
 
 
@@ -88,10 +89,12 @@ class Ground:
             raise InvalidValueError("track.elevation_m", float(up[~np.isfinite(up)][0]), "finite numbers")
         run, rise = np.diff(across), np.diff(up)
         slopes = np.degrees(np.arctan2(rise, run))
-        if (np.abs(slopes) > steepest_deg).any():
-            at = int((np.abs(slopes) > steepest_deg).argmax())
+        steeper = np.abs(slopes) > steepest_deg + _ROUNDING_DEG
+        if steeper.any():
+            at = int(steeper.argmax())
             said = f"{slopes[at]:.6g} deg from horizontal_m {across[at]:.12g} to {across[at + 1]:.12g}"
             raise InvalidValueError("track.elevation_m", said, f"slopes from {-steepest_deg:g} to {steepest_deg:g} deg")
+        slopes = np.clip(slopes, -steepest_deg, steepest_deg)
         lengths = np.hypot(run, rise)
         knots = np.concatenate([[0.0], np.cumsum(lengths)])
         segment = int(np.clip(np.searchsorted(across, 0.0, side="right") - 1, 0, len(run) - 1))
@@ -109,6 +112,8 @@ class Ground:
 
     def steepest(self, low_m: float, high_m: float) -> tuple[float, float]:
         """The slope (deg) of largest size between two distances, and the first distance (m) that has it."""
+        if len(self.slope_deg) == 1:
+            return float(self.slope_deg[0]), low_m
         first, last = np.searchsorted(self.distance_m, (low_m, high_m))
         places = np.concatenate([[low_m], self.distance_m[first:last], [high_m]])
         slopes = self.slopes_at(places)

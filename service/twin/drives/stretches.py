@@ -90,18 +90,23 @@ def domain_of(domain: Domain, mass_kg: float, way: Way, told: Told, slope_deg: A
 def _all_inside(domain: Domain, mass_kg: float, way: Way, told: Told, slope_deg: Array) -> bool:
     """Whether nothing is ever outside: mostly so, and seen from the extremes."""
     free = told.torque_nm[~told.brake] if told.brake.any() else told.torque_nm
-    seen = {"slope_deg": slope_deg, "torque_nm": free, "horizon_s": way.time_s[-1:], "mass_kg": np.array([mass_kg])}
-    spans = domain.spans
-    for field, values in seen.items():
-        if values.size and not spans[field][0] <= values.min() <= values.max() <= spans[field][1]:
-            return False
+    lowest, highest, end = float(slope_deg.min()), float(slope_deg.max()), float(way.time_s[-1])
+    seen = [("slope_deg", lowest, highest), ("mass_kg", mass_kg, mass_kg), ("horizon_s", end, end)]
+    same = False
     if free.size:
-        extremes = np.array([free.min(), free.max()])
-        ratios = torque_ratio_of(domain.rover, domain.regolith, np.full(2, mass_kg), extremes)
-        if not spans["torque_ratio"][0] <= ratios[0] <= ratios[1] <= spans["torque_ratio"][1]:
-            return False
+        least, most = float(free.min()), float(free.max())
+        low, high = (torque_ratio_of(domain.rover, domain.regolith, mass_kg, each) for each in (least, most))
+        seen += [("torque_nm", least, most), ("torque_ratio", low, high)]
+        same = lowest == highest and least == most and free is told.torque_nm
+    if any(low < domain.spans[field][0] or high > domain.spans[field][1] for field, low, high in seen):
+        return False
     known = domain.neighbourhood
-    return known is None or bool((_joint(known, mass_kg, told, slope_deg)[1] <= known.limit).all())
+    if known is None:
+        return True
+    if same:  # all the way: one place tells all
+        here = known.places_of(slope_deg[:1], np.array([mass_kg]), told.torque_nm[:1])
+        return bool(known.least_distances(here)[0] <= known.limit)
+    return bool((_joint(known, mass_kg, told, slope_deg)[1] <= known.limit).all())
 
 
 def _values(domain: Domain, mass_kg: float, way: Way, told: Told, slope_deg: Array) -> Array:

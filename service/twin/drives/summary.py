@@ -91,9 +91,10 @@ def motor_energy_j(rover: RoverParameters, way: Way, told: Told) -> float:
     those under the torque until then, so that a step in which the torque is new has that of its end throughout.
     """
     each = 0.5 * rover.wheels
-    wheels = np.stack([way.motion.front_wheel_rad_s, way.motion.rear_wheel_rad_s])
+    wheels = np.array([way.motion.front_wheel_rad_s, way.motion.rear_wheel_rad_s])
     share = np.minimum(np.maximum(1.0 - wheels / rover.no_load_speed_rad_s, 0.0), 1.0)
-    power = (share * wheels).sum(axis=0)  # of one wheel of each axle, per N m of stall torque
+    front, rear = share * wheels
+    power = front + rear  # of one wheel of each axle, per N m of stall torque
     torque, last, steps = told.torque_nm[:-1], power[1:], way.time_s[1:] - way.time_s[:-1]
     fresh = np.flatnonzero(torque[1:] != torque[:-1]) + 1
     first = power[:-1].copy()

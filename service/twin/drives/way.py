@@ -33,7 +33,7 @@ class Way:
 
     def is_finite(self) -> bool:
         """Whether every number of it is; whatever is made of it is then."""
-        return all(np.isfinite(column).all() for column in _columns(self.motion))
+        return all(math.isfinite(column.dot(column)) for column in _columns(self.motion))  # far from overflowing
 
     def rows(self, times_s: Array) -> Way:
         """Only at some of its times."""
@@ -66,6 +66,11 @@ class Rover:
         asked = self.question
         motion, _ = self.driver.engine.drive(self.start, asked.ground.track, asked.controls, time_s, offset)
         return Way(time_s, motion)
+
+    def x_at(self, time_s: Array, offset: float) -> Array:
+        """Only where it is along the track, (time,), which takes less time."""
+        asked = self.question
+        return self.driver.engine.positions(self.start, asked.ground.track, asked.controls, time_s, offset)
 
     def positions(self, time_s: Array, offset: float) -> Positions:
         """The same as positions (1, time)."""
@@ -119,6 +124,8 @@ def own_times(question: DriveQuestion) -> Array:
     """
     horizon = question.horizon_s
     even = sample_times(horizon, min(OWN_STEP_S, horizon / _FEWEST_STEPS))
+    if len(question.controls.time_s) == 1:
+        return even
     changes = question.controls.time_s[1:]
     changes = changes[changes < horizon]
     if (even[np.searchsorted(even, changes)] == changes).all():
@@ -147,8 +154,8 @@ def way_within(quadratic: tuple[float, float, float], share: float) -> float:
 
 def _speed_within(x_m: Array, speed_m_s: Array, step_s: float) -> tuple[float, float, float]:
     """The speed within a step as a quadratic of its share: right at both ends and on average."""
-    first, last = float(speed_m_s[0]), float(speed_m_s[1])
-    mean = (float(x_m[1]) - float(x_m[0])) / step_s if step_s > 0 else 0.5 * (first + last)
+    first, last = speed_m_s.tolist()
+    mean = float(x_m[1] - x_m[0]) / step_s if step_s > 0 else 0.5 * (first + last)
     square = 3.0 * (first + last) - 6.0 * mean
     return first, last - first - square, square
 

@@ -12,6 +12,7 @@ from service.errors import InvalidValueError
 from service.learning.drive.engine import SHORTEST_STEP_S
 from service.learning.drive.library import MOST_S
 from service.physics.scenario import Array
+from service.twin.steps.one import InPlace, Moment
 from service.twin.steps.states import StateError, read_states, write_states
 from service.twin.steps.stepper import STATE_SIZE, Moments, stepper_of
 from service.twin.twin import Twin
@@ -37,7 +38,7 @@ class Live:
         self.stepper = stepper_of(twin)
         self._rows: dict[str, int] = {}
         self._free: list[int] = []
-        self._states = np.zeros((_FIRST_ROOM, STATE_SIZE))
+        self._hold(np.zeros((_FIRST_ROOM, STATE_SIZE)))
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -93,6 +94,8 @@ class Live:
         motors are off and wheels locked. Raises InvalidValueError.
         """
         names = _listed(ids)
+        if not names:
+            raise InvalidValueError("ids", "none", "one rover or more")
         if len(set(names)) < len(names):
             twice = next(name for at, name in enumerate(names) if name in names[:at])
             raise InvalidValueError("ids", twice, "each rover once")
@@ -102,7 +105,7 @@ class Live:
         _require("torque_nm", torque, (torque >= 0) & np.isfinite(torque), "zero or positive, and finite")
         within = (dt >= SHORTEST_STEP_S) & (dt <= MOST_S)
         _require("dt_s", dt, within, f"{SHORTEST_STEP_S:g} to {MOST_S:g}")
-        told = np.broadcast_to(np.asarray(brake, dtype=np.bool_), len(names))
+        told = _flags("brake", brake, len(names))
         return self.advance(names, slope, torque, told, dt)[1]
 
     def states(self, ids: str | Sequence[str] | None = None) -> dict[str, bytes]:
@@ -124,7 +127,7 @@ class Live:
                 wrong |= {int(stored.rows[at]): error for at, error in self.stepper.wrong(stored.numbers).items()}
         if wrong:
             row = min(wrong)
-            raise StateError(f"the state of {names[row]} cannot be gone on from: {wrong[row]}")
+            raise StateError(f"the state of {names[row]} cannot be continued: {wrong[row]}")
         for stored in found:
             self.put([names[row] for row in stored.rows.tolist()], stored.numbers)
 
@@ -137,7 +140,8 @@ class Live:
         """Puts rovers into states (rover, STATE_SIZE) that are known to be right; the array is not used elsewhere."""
         if not self._rows and len(set(ids)) == len(ids):
             self._rows = {name: row for row, name in enumerate(ids)}
-            self._states, self._free = states, []
+            self._hold(states)
+            self._free = []
             return
         rows = []
         for name in ids:
@@ -161,6 +165,14 @@ class Live:
         self._states[rows] = states
         return states, moments
 
+    def advance_one(self, name: str, slope_deg: float, torque_nm: float, brake: bool, dt_s: float) -> Moment:
+        """The same of one rover, where it lies: in a fifth of the time."""
+        return self.stepper.advance_one(self._in_place, self._rows[name], slope_deg, torque_nm, brake, dt_s)
+
+    def _hold(self, states: Array) -> None:
+        self._states = np.ascontiguousarray(states)
+        self._in_place = InPlace(self._states)
+
     def _rows_of(self, ids: Iterable[str]) -> list[int]:
         return [self._rows[name] for name in ids]
 
@@ -170,7 +182,7 @@ class Live:
         if needed > room:
             grown = np.zeros((max(needed, 2 * room), STATE_SIZE))
             grown[:room] = self._states
-            self._states = grown
+            self._hold(grown)
 
 
 def _listed(ids: str | Sequence[str]) -> Sequence[str]:
@@ -182,6 +194,15 @@ def _column(name: str, values: Numbers, count: int) -> Array:
     if column.shape not in ((), (count,)):
         raise InvalidValueError(name, f"{column.shape} numbers", f"one for all or one for each of {count} rovers")
     return np.broadcast_to(column, (count,))
+
+
+def _flags(name: str, values: bool | Sequence[bool] | npt.NDArray[np.bool_], count: int) -> npt.NDArray[np.bool_]:
+    flags = np.asarray(values)
+    if flags.dtype != np.bool_:
+        raise InvalidValueError(name, values, "true or false")
+    if flags.shape not in ((), (count,)):
+        raise InvalidValueError(name, f"{flags.shape} flags", f"one for all or one for each of {count} rovers")
+    return np.broadcast_to(flags, (count,))
 
 
 def _require_slopes(slope_deg: Array) -> None:

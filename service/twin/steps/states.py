@@ -29,7 +29,7 @@ _NONE = "this is not the state of a rover"
 
 
 class StateError(RoverTwinError, ValueError):
-    """Bytes that are not a state, or not one that can be gone on from; the message says why."""
+    """Bytes that are not a state, or not one that can be continued; the message says why."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

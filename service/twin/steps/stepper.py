@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+import math
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -14,8 +14,9 @@ from service.learning.drive.library import OUTPUTS, CompiledState
 from service.learning.drive.model import DriveModel
 from service.learning.drive.state import FORMAT, SIZE
 from service.physics.scenario import Array
-from service.twin.moment import moves, slip_ratio, slip_ratios
-from service.twin.steps.half_width import CARRIED, PART_S, HalfWidths
+from service.twin.moment import MOVES_M_S, moves, slip_ratio, slip_ratios
+from service.twin.steps.half_width import CARRIED, Given, HalfWidths, until_look_s, until_looks_s
+from service.twin.steps.one import InPlace, Moment
 from service.twin.steps.states import StateError, some_at_once
 from service.twin.steps.verdict import StepDomain
 from service.twin.twin import Twin
@@ -26,7 +27,7 @@ STATE_SIZE = SIZE + CARRIED
 _AT = {name: at for at, (name, _) in enumerate(CompiledState._fields_)}
 _FORMAT, _LAW, _MASS, _TIME, _RATE = (_AT[name] for name in ("format", "law", "mass_kg", "time_s", "rate_per_s"))
 _NO_TIME_S = 1e-9
-_NO_COLUMNS = frozenset({"outside_of", "finite"})
+_COLUMNS = tuple(name for name in Moment._fields if name not in ("outside_of", "finite"))
 _LIGHTEST_KG, _HEAVIEST_KG = 1e-6, 1e12  # of states that come from elsewhere: what can be computed with
 
 
@@ -51,20 +52,15 @@ class Moments:
     finite: npt.NDArray[np.bool_] | None = None
 
     @classmethod
-    def together(cls, parts: Sequence[Moments]) -> Moments:
-        """Those of all parts, one after the other."""
-        names = [each.name for each in fields(cls) if each.name not in _NO_COLUMNS]
-        columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-        outside = [each for part in parts for each in part.outside_of]
-        if all(part.finite is None for part in parts):
-            return cls(**columns, outside_of=outside)
-        finite = [np.ones(len(part.x_m), dtype=np.bool_) if part.finite is None else part.finite for part in parts]
-        return cls(**columns, outside_of=outside, finite=np.concatenate(finite))
+    def of_one(cls, one: Moment) -> Moments:
+        """Those of one rover."""
+        numbers = {name: np.array([getattr(one, name)]) for name in _COLUMNS}
+        finite = None if one.finite else np.zeros(1, dtype=np.bool_)
+        return cls(**numbers, outside_of=[one.outside_of], finite=finite)
 
     def only(self, rows: npt.NDArray[np.intp]) -> Moments:
         """Those of some rovers."""
-        columns = {each.name: getattr(self, each.name) for each in fields(self) if each.name not in _NO_COLUMNS}
-        chosen = {name: column[rows] for name, column in columns.items()}
+        chosen = {name: getattr(self, name)[rows] for name in _COLUMNS}
         return Moments(**chosen, outside_of=[self.outside_of[row] for row in rows.tolist()])
 
 
@@ -119,20 +115,64 @@ class Stepper:
 
         The slope holds under each rover's middle during its step.
         """
+        if len(states) == 1:
+            whole = np.ascontiguousarray(states)
+            one = InPlace(whole)
+            found = self.advance_one(one, 0, float(slope_deg[0]), float(torque_nm[0]), bool(brake[0]), float(dt_s[0]))
+            states[:] = whole
+            return Moments.of_one(found)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # states may be forged
-            parts = [
-                self._advanced(states[rows], slope_deg[rows], torque_nm[rows], brake[rows], dt_s[rows])
-                for rows in some_at_once(len(states))
-            ]
-        return parts[0] if len(parts) == 1 else Moments.together(parts)
+            inputs = np.empty((4, len(states)))
+            np.radians(slope_deg, out=inputs[0])
+            inputs[1], inputs[2], inputs[3] = torque_nm, brake, dt_s
+            outputs = np.empty((OUTPUTS, len(states)))
+            for rows in some_at_once(len(states)):
+                outputs[:, rows] = self._moved(states[rows], np.ascontiguousarray(inputs[:, rows]))
+            return self._moments(states, outputs, slope_deg, torque_nm, brake)
 
-    def _advanced(
-        self, states: Array, slope_deg: Array, torque_nm: Array, brake: npt.NDArray[np.bool_], dt_s: Array
+    def advance_one(
+        self, states: InPlace, row: int, slope_deg: float, torque_nm: float, brake: bool, dt_s: float
+    ) -> Moment:
+        """The same of one of many rovers, in plain numbers."""
+        slope_rad, braked, left = math.radians(slope_deg), float(brake), dt_s
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # as above
+            while left > _NO_TIME_S:
+                part = min(left, until_look_s(states.numbers[states.start_of(row) + _TIME]))
+                found = self._part_of_one(states, row, (slope_rad, torque_nm, braked, part))
+                left -= part
+            return self._moment(states, row, found, slope_deg, torque_nm, brake)
+
+    def _part_of_one(self, states: InPlace, row: int, given: Given) -> list[float]:
+        found, half = states.moved(self.model.engine, row, given), self._half_widths
+        if half is not None:
+            numbers, start = states.numbers, states.start_of(row)
+            rate, time, mass = numbers[start + _RATE], numbers[start + _TIME], numbers[start + _MASS]
+            states.carry(row, half.carry_one(states.carried(row), rate, time, mass, given, found[1]))
+        return found
+
+    def _moment(
+        self, states: InPlace, row: int, found: list[float], slope_deg: float, torque_nm: float, brake: bool
+    ) -> Moment:
+        x, speed, front, rear, y, _ = found
+        start, half = states.start_of(row), self._half_widths
+        time, mass = states.numbers[start + _TIME], states.numbers[start + _MASS]
+        return Moment(
+            time_s=time,
+            x_m=x,
+            y_m=y,
+            speed_m_s=speed,
+            rear_wheel_speed_rad_s=rear,
+            front_wheel_speed_rad_s=front,
+            slip_ratio=slip_ratio(self.model.prior.rover.wheel_radius_m, speed, rear, front),
+            x_half_width_m=math.nan if half is None else half.at_one(states.carried(row), time, x),
+            moving=abs(speed) >= MOVES_M_S,
+            outside_of=self._domain.outside_of_one(slope_deg, mass, torque_nm, time, brake=brake),
+            finite=all(map(math.isfinite, found)),
+        )
+
+    def _moments(
+        self, states: Array, outputs: Array, slope_deg: Array, torque_nm: Array, brake: npt.NDArray[np.bool_]
     ) -> Moments:
-        inputs = np.empty((4, len(states)))
-        np.radians(slope_deg, out=inputs[0])
-        inputs[1], inputs[2], inputs[3] = torque_nm, brake, dt_s
-        outputs = self._moved(states, inputs)
         x, speed, front, rear, y, _ = outputs
         finite = np.isfinite(outputs)
         time, mass, half = states[:, _TIME].copy(), states[:, _MASS], self._half_widths
@@ -143,27 +183,21 @@ class Stepper:
             speed_m_s=speed,
             rear_wheel_speed_rad_s=rear,
             front_wheel_speed_rad_s=front,
-            slip_ratio=self._slip_ratios(speed, rear, front),
+            slip_ratio=slip_ratios(self.model.prior.rover.wheel_radius_m, speed, rear, front),
             x_half_width_m=np.full(len(x), np.nan) if half is None else half.at(states[:, SIZE:], time, x),
             moving=moves(speed),
             outside_of=self._domain.outside_of(slope_deg, mass, torque_nm, brake, time),
             finite=None if finite.all() else np.asarray(finite.all(axis=0)),
         )
 
-    def _slip_ratios(self, speed_m_s: Array, rear_rad_s: Array, front_rad_s: Array) -> Array:
-        radius = self.model.prior.rover.wheel_radius_m
-        if len(speed_m_s) == 1:
-            return np.array([slip_ratio(radius, float(speed_m_s[0]), float(rear_rad_s[0]), float(front_rad_s[0]))])
-        return slip_ratios(radius, speed_m_s, rear_rad_s, front_rad_s)
-
     def _moved(self, states: Array, inputs: Array) -> Array:
-        """Columns of the motion, (OUTPUTS, rover): in parts where steps are long."""
-        if inputs[3].max() <= PART_S:
+        """Columns of the motion, (OUTPUTS, rover): in parts where scales are looked up underway."""
+        if (inputs[3] <= until_looks_s(states[:, _TIME]) + _NO_TIME_S).all():
             return self._part(states, inputs)
         outputs, left = np.empty((OUTPUTS, len(states))), inputs[3].copy()
         while (rows := np.flatnonzero(left > _NO_TIME_S)).size:
             some, given = states[rows], np.ascontiguousarray(inputs[:, rows])
-            given[3] = np.minimum(left[rows], PART_S)
+            given[3] = np.minimum(left[rows], until_looks_s(some[:, _TIME]))
             outputs[:, rows] = self._part(some, given)
             states[rows] = some
             left[rows] -= given[3]

@@ -18,7 +18,7 @@ from service.errors import InvalidValueError
 from service.physics.scenario import Array
 from service.twin.drives import DriveQuestion, Wanted
 from service.wire.drives.question import WORDS, DriveSampling, OneDrive
-from service.wire.faults import InvalidInputError, fault, faults_of, unknown_field
+from service.wire.faults import InvalidInputError, fault, faults_of, missing, unknown_field
 from service.wire.points import require_few_times, require_wide_step
 
 MOST_DRIVES = 200
@@ -102,7 +102,9 @@ def read_drives(document: object, max_points: int) -> DrivesQuestion:
     if strangers := [name for name in document if name not in known]:
         allowed = "one of " + ", ".join(known)
         raise InvalidInputError(*(unknown_field(name, document[name], allowed) for name in strangers[:20]))
-    sent = document.get("drives")
+    if "drives" not in document:
+        raise InvalidInputError(missing("drives", _DRIVES))
+    sent = document["drives"]
     if not isinstance(sent, list) or not 1 <= len(sent) <= MOST_DRIVES:
         said = f"{len(sent)} drives" if isinstance(sent, list) else sent
         raise InvalidInputError(fault("drives", said, _DRIVES))

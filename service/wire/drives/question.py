@@ -35,9 +35,9 @@ _TIMES = f"{_KNOTS} rising numbers from 0, the first, to {LIMITS.horizon_s[1]:g}
 _TORQUES = f"as many numbers from {LIMITS.torque_nm[0]:g} to {LIMITS.torque_nm[1]:g}"
 
 
-def _listed(words: str, description: str, examples: list[Any], *, needed: bool = False) -> Any:  # noqa: ANN401 - a FieldInfo
+def _listed(words: str, description: str, examples: list[Any], *, needed: bool = False, fewest: int = 1) -> Any:  # noqa: ANN401 - a FieldInfo
     more: dict[str, Any] = {} if needed else {"default_factory": list}  # empty: not given; nobody can send that
-    schema: JsonDict = {"x-allowed": words, "maxItems": MOST_KNOTS}
+    schema: JsonDict = {"x-allowed": words, "minItems": fewest, "maxItems": MOST_KNOTS}
     return Field(min_length=1, description=description, examples=examples, json_schema_extra=schema, **more)
 
 
@@ -64,7 +64,7 @@ class TrackInputs(BaseModel):
     horizontal_m: Annotated[
         list[_Place],
         FailFast(),
-        _listed(_PLACES.replace("1 to", "2 to"), "Horizontal places in metres, rising.", [[0, 5, 10]]),
+        _listed(_PLACES.replace("1 to", "2 to"), "Horizontal places in metres, rising.", [[0, 5, 10]], fewest=2),
     ]
     elevation_m: Annotated[
         list[_Place],
@@ -74,6 +74,7 @@ class TrackInputs(BaseModel):
             f"{LIMITS.slope_deg:g} deg",
             "Elevation of the ground at each place in metres.",
             [[0, 1.2, 2.1]],
+            fewest=2,
         ),
     ]
 
@@ -122,8 +123,10 @@ class ControlsInputs(BaseModel):
 
 
 def _alone(value: object) -> object:
-    """One torque for the whole drive is controls with one time."""
+    """One torque for the whole drive is controls with one time; one out of range is refused as the number it is."""
     if isinstance(value, int | float) and not isinstance(value, bool):
+        if not LIMITS.torque_nm[0] <= value <= LIMITS.torque_nm[1]:
+            raise ValueError("out of range")
         return {"time_s": [0.0], "torque_nm": [value]}
     return value
 
@@ -162,7 +165,8 @@ class OneDrive(BaseModel):
             description="Stall torque of the motor of each wheel in N m for the drive, or what changes over time.",
             examples=[60],
             json_schema_extra={
-                "x-allowed": f"{LIMITS.torque_nm[0]:g} to {LIMITS.torque_nm[1]:g}, or time_s with torque_nm and brake"
+                "x-allowed": f"a number from {LIMITS.torque_nm[0]:g} to {LIMITS.torque_nm[1]:g}, or time_s with "
+                "torque_nm and brake"
             },
         ),
     ]

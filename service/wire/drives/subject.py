@@ -100,7 +100,7 @@ class DriveSubject:
         }
 
     def picture(self) -> Picture:
-        """Position, speed, slope and torque, with the events."""
+        """Position, speed, slope and torque, with the events; shaded while the brake is on."""
         drive, twin = self.drive, self.loaded.twin
         outside = "" if drive.domain.inside else ", partly OUTSIDE the domain: extrapolated"
         band = "" if drive.band is None else f", band {drive.band.level:.3g}"
@@ -111,7 +111,7 @@ class DriveSubject:
         where = tuple((name, _LABELS[name][drive.frame]) for name in drive.position_names)
         more = ("speed_m_s", "speed, m/s"), ("slope_deg", "slope, °\nunder the middle"), ("torque_nm", "torque, N m")
         marks = tuple((each.time_s, each.event.value.replace("_", " ")) for each in drive.events[:_MOST_MARKS])
-        return Picture(title, (*where, *more), marks)
+        return Picture(title, (*where, *more), marks, held=("torque_nm",), shaded="brake")
 
     def stage(self) -> Stage:
         """The world in both frames, since a track bends; the rover's pitch is the slope under its middle."""
@@ -122,7 +122,7 @@ class DriveSubject:
             f"{twin.name}@{twin.version}: rear wheel's centre of a rover on a track; columns in the {drive.frame} frame"
         )
         order, axes = ORDERS[Frame.WORLD], "X horizontal; Z up"
-        return Stage(across, up, drive.trajectory["slope_deg"], told, order, axes, doc)
+        return Stage(across, up, drive.trajectory["slope_deg"], told, order, Frame.WORLD, axes, doc)
 
 
 def unit_of_drive(column: str) -> str:

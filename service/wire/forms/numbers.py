@@ -57,18 +57,19 @@ def require_finite_columns(columns: Mapping[str, Array], where: str) -> None:
 def _place_of_fault(value: object) -> str | None:
     """Where inside the value something is not finite; empty if it is the value itself, None if nothing is."""
     kind = type(value)
-    if kind in _NO_NUMBERS:
+    if kind in _NO_NUMBERS or isinstance(value, str):
         return None
     if isinstance(value, float):
         return None if math.isfinite(value) else ""
+    if names := getattr(kind, "__dataclass_fields__", None):
+        return _first_fault(((name, getattr(value, name)) for name in names), ".{}")
     if isinstance(value, np.ndarray):
         return None if np.isfinite(value).all() else ""
     if isinstance(value, Mapping):
         return _first_fault(value.items(), ".{}")
     if isinstance(value, list | tuple):
         return _first_fault(enumerate(value), "[{}]")
-    names = getattr(kind, "__dataclass_fields__", None)
-    return None if names is None else _first_fault(((name, getattr(value, name)) for name in names), ".{}")
+    return None
 
 
 def _first_fault(members: Iterable[tuple[object, object]], step: str) -> str | None:

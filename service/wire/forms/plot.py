@@ -28,6 +28,7 @@ _SIZE_INCHES = (7.5, 5.4)
 _MORE_INCHES = 1.9  # for each panel beyond the second
 # Okabe and Ito's colours, distinct to colour-blind readers; dashes differ as well, for print
 _COLOUR, _PRIOR_COLOUR, _MARK_COLOUR = "#009E73", "#0072B2", "#D55E00"
+_SHADE_COLOUR = "#eeeeee"
 # matplotlib reads process-wide parameters while it draws, and its fonts are not made for several threads
 _drawing = threading.Lock()
 
@@ -70,7 +71,9 @@ def figure_of(subject: Writable) -> Figure:
     figure.subplots_adjust(left=0.15, right=0.97, top=1.0 - 0.09 * inch, bottom=0.09 * inch, hspace=0.12)
     panels = figure.subplots(len(picture.panels), 1, sharex=True)
     for axes, (name, label) in zip(panels, picture.panels, strict=True):
-        _panel(axes, drawn, name)
+        _panel(axes, drawn, name, held=name in picture.held)
+        if picture.shaded and drawn[picture.shaded].any():
+            _shade(axes, drawn["time_s"], drawn[picture.shaded], picture.shaded)
         axes.set_ylabel(label)
         for time, _ in picture.marks:
             axes.axvline(time, color=_MARK_COLOUR, linewidth=0.9, linestyle=":")
@@ -96,7 +99,17 @@ def _name_marks(axes: Axes, picture: Picture) -> None:
         )
 
 
-def _panel(axes: Axes, columns: Mapping[str, Array], name: str) -> None:
+def _shade(axes: Axes, time: Array, holds: Array, name: str) -> None:
+    """Each time where it holds until the next one."""
+    there = holds.astype(np.bool_)
+    there[1:] |= there[:-1]
+    whole_height = axes.get_xaxis_transform()
+    axes.fill_between(
+        time, 0, 1, where=there, step="post", transform=whole_height, color=_SHADE_COLOUR, linewidth=0, label=name
+    )
+
+
+def _panel(axes: Axes, columns: Mapping[str, Array], name: str, *, held: bool = False) -> None:
     time, stem = columns["time_s"], name.removesuffix("_m")
     marker = "o" if len(time) == 1 else ""
     if f"{stem}_lower_m" in columns:
@@ -105,7 +118,8 @@ def _panel(axes: Axes, columns: Mapping[str, Array], name: str) -> None:
     if f"prior_{name}" in columns:
         prior = columns[f"prior_{name}"]
         axes.plot(time, prior, "--", color=_PRIOR_COLOUR, marker=marker, linewidth=1.4, label="prior alone")
-    axes.plot(time, columns[name], "-", color=_COLOUR, marker=marker, linewidth=1.8, label="prediction")
+    way = "steps-post" if held else "default"
+    axes.plot(time, columns[name], "-", drawstyle=way, color=_COLOUR, marker=marker, linewidth=1.8, label="prediction")
     axes.grid(True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)

@@ -20,12 +20,15 @@ class Picture:
     """How something is drawn against time: a panel for each (column, label of its axis), one below the other.
 
     A column with `<stem>_lower_m` and `<stem>_upper_m` beside it gets its band, one with `prior_` before its name the
-    prior's. `marks` are moments (s) with their names.
+    prior's. `marks` are moments (s) with their names. `held` are columns that keep their value until the next time,
+    `shaded` is a column of true and false: where it is true the panels are shaded.
     """
 
     title: str
     panels: tuple[tuple[str, str], ...]
     marks: tuple[tuple[float, str], ...] = ()
+    held: tuple[str, ...] = ()
+    shaded: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +36,7 @@ class Stage:
     """How something moves on a stage: `across_m` and `up_m` (time,) are translated in the order of operations `order`.
 
     `pitch_deg` is the rover's, of one number or (time,); `told` are the columns that the translation says already,
-    `axes` says what its axes are, `doc` what moves.
+    `frame` is its frame and `axes` says what its axes are, `doc` what moves.
     """
 
     across_m: Array
@@ -41,6 +44,7 @@ class Stage:
     pitch_deg: Array
     told: tuple[str, ...]
     order: str
+    frame: Frame
     axes: str
     doc: str
 
@@ -166,6 +170,7 @@ class Subject:
             np.array([prediction.scenario.slope_deg]),
             prediction.position_names,
             ORDERS[prediction.frame],
+            prediction.frame,
             _AXES[prediction.frame],
             f"{twin.name}@{twin.version}: rear wheel's centre of a rover on a slope, {prediction.frame} frame",
         )

@@ -74,7 +74,7 @@ def encode_usda(subject: Writable) -> bytes:
     places = map("({}, 0, {})".format, _written(stage.across_m), _written(stage.up_m))
     return _TEMPLATE.format(
         axes=_text(stage.axes),
-        frame=_text(about["frame"]),
+        frame=_text(stage.frame),
         metadata=_text(dump(about).decode()),
         doc=_text(stage.doc),
         rate=_written(np.array([rate]))[0],

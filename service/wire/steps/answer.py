@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 import orjson
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.twin.steps import HALF_WIDTH_LEVEL, write_states
+from service.twin import Twin
+from service.twin.steps import HALF_WIDTH_LEVEL, Moment, write_states
 from service.wire.faults import ProblemError
 from service.wire.prediction_answer import ModelIdentity
 from service.wire.steps.fleet import Group, Stepped
@@ -114,10 +115,8 @@ class Parting(BaseModel):
 
 
 def rover_documents(group: Group, *, with_state: bool) -> list[dict[str, Any]]:
-    """The rovers of one version as JSON values."""
-    moments = group.moments
-    half = moments.x_half_width_m
-    twin = group.loaded.twin
+    """The rovers of one version as JSON values; a half-width that is not known is NaN, which orjson writes as null."""
+    moments, twin = group.moments, group.loaded.twin
     columns = zip(
         group.ids,
         moments.time_s.tolist(),
@@ -127,31 +126,50 @@ def rover_documents(group: Group, *, with_state: bool) -> list[dict[str, Any]]:
         moments.rear_wheel_speed_rad_s.tolist(),
         moments.front_wheel_speed_rad_s.tolist(),
         moments.slip_ratio.tolist(),
-        [None] * len(half) if twin.doubt is None else half.tolist(),
+        moments.x_half_width_m.tolist(),
         moments.moving.tolist(),
         moments.outside_of,
         strict=True,
     )
-    found: list[dict[str, Any]] = [
-        {
-            "id": name,
-            "time_s": time,
-            "x_m": x,
-            "y_m": y,
-            "speed_m_s": speed,
-            "rear_wheel_speed_rad_s": rear,
-            "front_wheel_speed_rad_s": front,
-            "slip_ratio": slip,
-            "x_half_width_m": width,
-            "moving": moving,
-            "domain": {"inside": not reasons, "reasons": reasons},
-        }
-        for name, time, x, y, speed, rear, front, slip, width, moving, reasons in columns
-    ]
+    found = [_document(*row) for row in columns]
     if with_state:
         for each, state in zip(found, write_states(twin.name, twin.version, group.states), strict=True):
             each["state"] = state_text(state)
     return found
+
+
+def _document(
+    name: str,
+    time_s: float,
+    x_m: float,
+    y_m: float,
+    speed_m_s: float,
+    rear_rad_s: float,
+    front_rad_s: float,
+    slip_ratio: float,
+    half_width_m: float | None,
+    moving: bool,
+    outside_of: list[str],
+) -> dict[str, Any]:
+    return {
+        "id": name,
+        "time_s": time_s,
+        "x_m": x_m,
+        "y_m": y_m,
+        "speed_m_s": speed_m_s,
+        "rear_wheel_speed_rad_s": rear_rad_s,
+        "front_wheel_speed_rad_s": front_rad_s,
+        "slip_ratio": slip_ratio,
+        "x_half_width_m": half_width_m,
+        "moving": moving,
+        "domain": {"inside": not outside_of, "reasons": outside_of},
+    }
+
+
+def encode_one(name: str, twin: Twin, moment: Moment) -> bytes:
+    """What `encode_steps` writes of one rover that went on, without its state. orjson writes NaN as null."""
+    model = {"name": twin.name, "version": twin.version, "alias": None}
+    return orjson.dumps({"model": model, "rovers": [_document(name, *moment[:-1])], "errors": []})
 
 
 def encode_steps(stepped: Stepped, errors: Sequence[Mapping[str, Any]], *, with_state: bool) -> bytes:

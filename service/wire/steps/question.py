@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import binascii
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -15,11 +15,14 @@ from pydantic.json_schema import SkipJsonSchema
 
 from service.allowed import allowed_fields
 from service.physics.scenario import Array
-from service.settings import LIMITS
-from service.wire.faults import InputFault, InvalidInputError, fault, faults_of, unknown_field
+from service.settings import LIMITS, Settings
+from service.wire.faults import InputFault, InvalidInputError, fault, faults_of, missing, unknown_field
 from service.wire.prediction import PredictionInputs
 
 MAX_ROVERS = 10_000
+MOST_SECONDS = 24_000.0
+"""Of the steps of one message, all rovers together: about a second of arithmetic."""
+
 MOST_START_SPEED_M_S = 5.0
 LONGEST_ID = 100
 _LONGEST_STATE = 8192
@@ -88,11 +91,18 @@ class RoverStep(BaseModel):
     brake: Annotated[bool, Field(description="Motors off and wheels locked, whatever the torque.")] = False
     dt_s: Annotated[
         float,
-        Field(ge=LIMITS.dt_s[0], le=LIMITS.dt_s[1], description="How long the step is, in seconds.", examples=[0.1]),
+        Field(
+            ge=LIMITS.dt_s[0],
+            le=LIMITS.dt_s[1],
+            description="How long the step is, in seconds. Those of all rovers of a message last at most 24,000 s "
+            "together.",
+            examples=[0.1],
+        ),
     ]
 
 
-_steps = TypeAdapter(list[RoverStep])
+_step, _steps = TypeAdapter(RoverStep), TypeAdapter(list[RoverStep])
+_NONE_BEFORE: frozenset[str] = frozenset()
 _EXAMPLE: dict[str, Any] = {
     "rovers": [
         {"id": "a", "start": {"mass_kg": 430}, "slope_deg": 20, "torque_nm": 60, "dt_s": 0.1},
@@ -129,7 +139,11 @@ class LiveBody(StepsBody):
 
     rovers: Annotated[
         list[RoverStep],
-        Field(max_length=MAX_ROVERS, description="The rovers. Refused ones are listed in `errors`; the others move."),
+        Field(
+            max_length=Settings.model_fields["max_live_rovers"].default,
+            description="The rovers. Refused ones are listed in `errors`; the others move. At most 1000 unless the "
+            "operator set another limit.",
+        ),
     ] = []
     include: Annotated[
         list[Literal["state"]],
@@ -163,7 +177,7 @@ ROVER_RANGES: Mapping[str, tuple[float, float]] = {
 STEPS_WORDS: Mapping[str, str] = {
     **ROVER_WORDS,
     "model": allowed_fields(StepsBody.model_json_schema())["model"],
-    "include": "a list of state",
+    "include": "a list with the word state",
     "remove": f"a list of at most {MAX_ROVERS} ids",
     "rovers": f"a list of 1 to {MAX_ROVERS} rovers",
 }
@@ -194,6 +208,12 @@ class StepsQuestion:
     remove: Sequence[str] = ()
     with_state: bool = True
 
+    def __post_init__(self) -> None:
+        total_s = float(self.dt_s.sum())
+        if total_s > MOST_SECONDS:
+            said, allowed = f"{total_s:g} s in all", f"at most {MOST_SECONDS:g} s, of all rovers together"
+            raise InvalidInputError(fault("dt_s", said, allowed))
+
     def __len__(self) -> int:
         return len(self.ids)
 
@@ -212,7 +232,8 @@ def read_steps(document: object, *, live: bool = False, most: int = MAX_ROVERS) 
     sent, least = document.get("rovers", [] if live else None), 0 if live else 1
     if not isinstance(sent, list) or not least <= len(sent) <= most:
         said = f"{len(sent)} rovers" if isinstance(sent, list) else sent
-        raise InvalidInputError(fault("rovers", said, f"a list of {least} to {most} rovers"))
+        allowed = f"a list of {least} to {most} rovers"
+        raise InvalidInputError(fault("rovers", said, allowed) if "rovers" in document else missing("rovers", allowed))
     shared = _SAME if document.keys() == {"rovers"} else _read_shared(document)
     good, failures = _checked(sent, live=live)
     rovers, states = [], []
@@ -248,6 +269,22 @@ def read_steps(document: object, *, live: bool = False, most: int = MAX_ROVERS) 
     )
 
 
+def read_one(document: object) -> RoverStep | None:
+    """The rover of a live message that is nothing but one rover that goes on; None for every other message."""
+    if not isinstance(document, dict) or len(document) != 1:
+        return None
+    sent = document.get("rovers")
+    if not isinstance(sent, list) or len(sent) != 1:
+        return None
+    try:
+        rover = _step.validate_python(sent[0])
+    except ValidationError:
+        return None
+    if rover.state is not None or rover.start is not None or _wrong_together(rover, _NONE_BEFORE, live=True):
+        return None
+    return rover
+
+
 def checked_model(reference: str) -> str:
     """A reference to a model as it came from elsewhere than JSON. Raises InvalidInputError."""
     return _read_shared({"model": reference}).model or ""
@@ -271,7 +308,7 @@ def state_text(state: bytes) -> str:
 def wrong_state(state: str, why: str) -> InvalidInputError:
     """What is wrong with a state."""
     allowed = ROVER_WORDS["state"]
-    return InvalidInputError(InputFault("state", state, allowed, f"state cannot be gone on from: {why}"))
+    return InvalidInputError(InputFault("state", state, allowed, f"state cannot be continued: {why}"))
 
 
 _SAME = _Shared()
@@ -316,10 +353,20 @@ def _none(value: object) -> InputFault:
     return fault("rover", value, "a JSON object with " + ", ".join(RoverStep.model_fields))
 
 
-def _wrong_together(rover: RoverStep, known: set[str], *, live: bool) -> InputFault | None:
+def _is_text(name: str) -> bool:
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _wrong_together(rover: RoverStep, known: Set[str], *, live: bool) -> InputFault | None:
     """What is wrong between fields that are right one by one."""
     if rover.id in known:
         return fault("id", rover.id, "an id of its own for each rover")
+    if not rover.id.isascii() and not _is_text(rover.id):
+        return fault("id", rover.id, "text that UTF-8 can hold: no lone surrogates")
     if rover.torque_nm is None and not rover.brake:
         allowed = ROVER_WORDS["torque_nm"]
         return InputFault("torque_nm", None, allowed, f"torque_nm is missing and no brake is on, allowed is {allowed}")

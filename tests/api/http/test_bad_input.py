@@ -226,6 +226,13 @@ def test_errors_of_the_address_are_problems_too(service):
         assert answer.headers["content-type"] == "application/problem+json"
 
 
+@pytest.mark.parametrize("path", ["", "/fmu", "/suggested-runs"])
+def test_a_version_in_an_address_is_refused_with_its_range(service, path):
+    for version in ("0", "1000000000", "x"):
+        document = service.get(f"/v1/models/viper-lunar/versions/{version}{path}").json()
+        assert document["detail"] == f"version is '{version}', allowed is a whole number from 1 to 999999999"
+
+
 @pytest.mark.slow
 def test_another_method_is_answered_with_those_there_are(service):
     answer = service.client.delete("/v1/predictions")

@@ -163,8 +163,8 @@ WRONG: list[tuple[str, dict[str, Any]]] = [
     ("controls", {"controls": "60"}),
     ("controls", {"controls": True}),
     ("controls", {"controls": [60]}),
-    ("controls.torque_nm", {"controls": -1}),
-    ("controls.torque_nm", {"controls": 1e300}),
+    ("controls", {"controls": -1}),
+    ("controls", {"controls": 1e300}),
     ("controls.torque_nm", {"controls": {"time_s": [0]}}),
     ("controls.torque_nm", {"controls": {"time_s": [0, 1], "torque_nm": [1]}}),
     ("controls.torque_nm", {"controls": {"time_s": [0], "torque_nm": [-0.1]}}),
@@ -228,7 +228,7 @@ def test_what_is_wrong_is_refused_by_the_name_of_its_field(shipped, field, chang
         ("track.distance_m", '{"mass_kg":400,"track":{"distance_m":[0,%s],"slope_deg":[1,1]},"controls":1}'),
         ("track.slope_deg", '{"mass_kg":400,"track":{"distance_m":[0],"slope_deg":[%s]},"controls":1}'),
         ("track.elevation_m", '{"mass_kg":400,"track":{"horizontal_m":[0,1],"elevation_m":[0,%s]},"controls":1}'),
-        ("controls.torque_nm", '{"mass_kg":400,"track":{"distance_m":[0],"slope_deg":[1]},"controls":%s}'),
+        ("controls", '{"mass_kg":400,"track":{"distance_m":[0],"slope_deg":[1]},"controls":%s}'),
         (
             "until_distance_m",
             '{"mass_kg":4,"track":{"distance_m":[0],"slope_deg":[1]},"controls":1,"until_distance_m":%s}',
@@ -258,6 +258,25 @@ anything = st.recursive(
     lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(st.text(max_size=4), inner, max_size=3)),
     max_leaves=6,
 )
+
+
+@pytest.mark.parametrize("torque", ["-1", "10001", "NaN", "1e999", "1" + "0" * 400])
+def test_a_torque_out_of_range_is_refused_as_the_number_it_is(shipped, torque):
+    body = json.dumps(DRIVE | {"controls": 12345}).replace("12345", torque).encode()
+    fault = refused(ask(shipped, body), "controls")
+
+    assert fault["allowed"] == "a number from 0 to 10000, or time_s with torque_nm and brake"
+
+
+def test_words_are_listed(shipped):
+    assert refused(ask(shipped, DRIVE | {"include": ["x"]}), "include")["allowed"] == (
+        "a list with any of band, wheel_speed"
+    )
+
+
+def test_a_batch_without_drives_says_that_they_are_missing(shipped):
+    assert refused(ask(shipped, {}, f"{PATH}/batch"), "drives")["message"].startswith("drives is missing, allowed is")
+    assert refused(ask(shipped, {"drives": None}, f"{PATH}/batch"), "drives")["message"].startswith("drives is null")
 
 
 def members(*names: str) -> st.SearchStrategy[Any]:

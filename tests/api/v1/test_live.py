@@ -14,6 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.frames import Close, Frame, Opcode
+from websockets.streams import StreamReader
 from websockets.sync.client import ClientConnection, connect
 
 from model_store import ModelStore
@@ -46,6 +48,83 @@ def moved(client: ClientConnection, *rovers, **shared):
     document = ask(client, *rovers, **shared)
     assert not document["errors"], document["errors"]
     return document["rovers"]
+
+
+LIKELY = st.fixed_dictionaries(
+    {},
+    optional={
+        "slope_deg": st.floats(-40, 40) | st.sampled_from([90.0, None, "1", 10**400]),
+        "torque_nm": st.floats(0, 200) | st.sampled_from([None, -1.0]),
+        "brake": st.booleans() | st.just(1),
+        "dt_s": st.floats(0.001, 0.6) | st.sampled_from([2.5, 0.0]),
+        "unknown": st.just(1),
+    },
+)
+
+
+def as_frames(text: bytes, kind: Opcode, pieces: int, *, pings: bool) -> bytes:
+    """A client's message in so many frames, pings between them."""
+    size = -(-len(text) // pieces)
+    sent = b""
+    for at in range(pieces):
+        piece = Frame(kind if at == 0 else Opcode.CONT, text[at * size : (at + 1) * size], fin=at == pieces - 1)
+        sent += piece.serialize(mask=True) + (Frame(Opcode.PING, b"!").serialize(mask=True) if pings else b"")
+    return sent
+
+
+def frames_of(raw: socket.socket):
+    """What the server sends, frame by frame."""
+    reader = StreamReader()
+    while True:
+        parsing = Frame.parse(reader.read_exact, mask=False)
+        while True:
+            try:
+                next(parsing)
+            except StopIteration as stop:
+                yield stop.value
+                break
+            reader.feed_data(raw.recv(1 << 16))
+
+
+MESSAGES = st.lists(
+    st.tuples(st.sampled_from([Opcode.TEXT, Opcode.BINARY]), st.integers(1, 3), st.booleans()), min_size=1, max_size=8
+)
+
+
+@given(MESSAGES, st.lists(st.integers(1, 400), max_size=12))
+def test_messages_are_the_same_however_they_are_cut(steps, messages, cuts):
+    raw = handshake(steps.url)
+    raw.settimeout(20)
+    text = json.dumps({"rovers": [go_on("a")]}).encode()
+    stream = as_frames(json.dumps({"rovers": [begin("a")]}).encode(), Opcode.TEXT, 1, pings=False)
+    stream += b"".join(as_frames(text, kind, pieces, pings=pings) for kind, pieces, pings in messages)
+    with raw:
+        raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        for size in cuts:
+            raw.sendall(stream[:size])
+            stream = stream[size:]
+            time.sleep(0.001)
+        raw.sendall(stream)
+        sent = (frame for frame in frames_of(raw) if frame.opcode is not Opcode.PONG)
+        answers = [next(sent) for _ in range(1 + len(messages))]
+        raw.sendall(as_frames(b"\xff{}", Opcode.TEXT, 1, pings=False))  # text that is none
+        end = next(sent)
+    assert (end.opcode, Close.parse(end.data).code) == (Opcode.CLOSE, 1007)
+    assert [each.opcode for each in answers] == [Opcode.TEXT, *(kind for kind, _, _ in messages)]
+    times = [json.loads(each.data)["rovers"][0]["time_s"] for each in answers]
+    assert times == pytest.approx([0.1 * (n + 1) for n in range(len(times))])
+
+
+@given(st.lists(LIKELY, min_size=1, max_size=6))
+def test_a_message_of_one_rover_is_answered_as_one_of_many(steps, told):
+    with open_live(steps.url) as client:
+        moved(client, begin("a"), begin("b"))
+        for each in told:
+            one, other = go_on("a") | each, go_on("b") | each
+            client.send(json.dumps({"rovers": [one]}))
+            client.send(json.dumps({"rovers": [other], "include": []}))  # no short way for this
+            first, second = client.recv(timeout=20), client.recv(timeout=20)
+            assert first == second.replace('"id":"b"', '"id":"a"')
 
 
 def test_a_connection_says_what_steps_say_and_keeps_rovers(steps):
@@ -237,12 +316,20 @@ def test_a_connection_is_seen_in_the_metrics(tmp_path):
         assert 'rover_twin_live_connections_ended_total{reason="closed"} 1.0' in text
 
 
+def test_a_plain_request_is_told_to_open_a_connection(steps):
+    answer = steps.client.get("/v1/live")
+
+    assert (answer.status_code, answer.headers["upgrade"]) == (426, "websocket")
+    assert answer.json()["type"] == "urn:rover-twin:problem:upgrade-required"
+    assert "open a WebSocket here" in answer.json()["detail"]
+    assert steps.client.post("/v1/live", json={}).status_code == 405
+
+
 def test_another_address_is_no_connection(steps):
     with pytest.raises(InvalidStatus):
         connect(steps.url.replace("http", "ws", 1) + "/v1/admin/live", proxy=None).close()
     with pytest.raises(InvalidStatus):
         connect(steps.url.replace("http", "ws", 1) + "/v1/nothing", proxy=None).close()
-    assert steps.get("/v1/live").status_code == 404
 
 
 def test_the_end_of_a_server_hands_every_rover_back_to_go_on_elsewhere(tmp_path, steps):

@@ -265,6 +265,11 @@ def test_what_is_wrong_with_all_of_it_is_a_problem(steps, document, field):
     assert answer.json()["errors"][0]["field"] == field
 
 
+def test_rovers_that_are_missing_are_no_null(steps):
+    for document, said in (({}, "rovers is missing, allowed is"), ({"rovers": None}, "rovers is null, allowed is")):
+        assert steps.client.post("/v1/steps", json=document).json()["detail"].startswith(said)
+
+
 def test_an_unknown_model_is_a_problem(steps):
     assert steps.client.post("/v1/steps", json={"rovers": [begin()], "model": "nobody"}).status_code == 404
 
@@ -405,3 +410,22 @@ def test_steps_are_counted(steps):
     text = steps.client.get("/metrics").text
     assert 'rover_twin_steps_total{result="moved",route="/v1/steps"}' in text
     assert 'rover_twin_steps_total{result="refused",route="/v1/steps"}' in text
+
+
+def test_an_id_that_no_text_can_hold_sinks_no_other(steps):
+    rover = {"start": {"mass_kg": 430}, "slope_deg": 10, "torque_nm": 100, "dt_s": 0.1}
+    body = b'{"rovers":[' + json.dumps({"id": "a", **rover}).encode() + b","
+    body += json.dumps({"id": "x", **rover}).encode().replace(b'"x"', b'"\\ud800"') + b"]}"
+    answer = steps.client.post("/v1/steps", content=body, headers={"Content-Type": "application/json"})
+
+    assert answer.status_code == 200
+    assert [each["id"] for each in answer.json()["rovers"]] == ["a"]
+    assert answer.json()["errors"][0]["errors"][0]["field"] == "id"
+
+
+def test_all_steps_together_are_bounded(steps):
+    rover = {"start": {"mass_kg": 430}, "slope_deg": 10, "torque_nm": 100, "dt_s": 60}
+    answer = steps.client.post("/v1/steps", json={"rovers": [{"id": str(at), **rover} for at in range(401)]})
+
+    assert answer.status_code == 422
+    assert "24000 s" in answer.json()["detail"]

@@ -62,6 +62,14 @@ def test_a_straight_ramp_is_a_constant_slope(slope, places):
     )
 
 
+def test_the_rounding_of_elevations_is_no_steeper_slope():
+    ground = Ground.of_elevations([0.0, 1.0, 2.0], [0.0, 1.0000000001, 0.0], 45.0)
+
+    assert ground.slope_deg.tolist() == [45.0, -45.0]
+    with pytest.raises(InvalidValueError, match="45"):
+        Ground.of_elevations([0.0, 1.0], [0.0, 1.0000001], 45.0)
+
+
 @pytest.mark.parametrize("frame", Frame)
 def test_a_drive_up_a_ramp_is_the_same_from_slopes_and_from_elevations(frame):
     across = np.array([-2.0, 1.0, 4.0, 11.0])

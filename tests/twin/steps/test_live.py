@@ -112,6 +112,13 @@ def test_a_state_goes_on_at_another_server_to_the_bit(twin, other_instance, befo
     assert here.states() == there.states()
 
 
+@given(st.floats(-45, 45), st.floats(50, 2000), st.floats(0, 300))
+def test_one_place_is_as_far_from_the_runs_as_many_are(twin, slope_deg, mass_kg, torque_nm):
+    near = twin.domain.neighbourhood
+    many = near.least_distances(near.places_of(*np.array([[slope_deg], [mass_kg], [torque_nm]])))
+    assert near.least_distance(slope_deg, mass_kg, torque_nm) == pytest.approx(many[0], rel=1e-9, abs=1e-7)
+
+
 def test_what_is_said_of_a_moment_is_what_drives_say(twin):
     live = Live(twin)
     live.start("a", mass_kg=430, slope_deg=20)
@@ -275,3 +282,37 @@ def test_forged_numbers_are_moved_on_without_harm(twin, forged):
         one = np.ones(1)
         found = stepper.advance(state, 20 * one, 60 * one, one < 0, 0.5 * one)
         assert found.finite is None or found.finite.shape == (1,)
+
+
+@given(
+    slope_deg=st.floats(-10, 24),
+    torque_nm=st.floats(60, 130),
+    mass_kg=st.floats(320, 880),
+    parts=st.sampled_from([2, 4, 5, 20, 40, 80, 100, 200]),
+)
+def test_how_sure_a_position_is_does_not_depend_on_the_steps(twin, slope_deg, torque_nm, mass_kg, parts):
+    def half_width(parts):
+        live = Live(twin)
+        live.start("a", mass_kg=mass_kg, slope_deg=slope_deg)
+        for seconds, brake in ((4.0, False), (2.0, True), (4.0, False)):
+            for _ in range(parts):
+                found = live.step("a", slope_deg=slope_deg, torque_nm=torque_nm, brake=brake, dt_s=seconds / parts)
+        return float(found.x_half_width_m[0])
+
+    assert half_width(parts) == pytest.approx(half_width(1), rel=0.25)
+
+
+@pytest.mark.parametrize("brake", ["false", 1, [0]])
+def test_a_brake_is_on_or_off(twin, brake):
+    live = Live(twin)
+    live.start("a", mass_kg=430, slope_deg=5)
+    with pytest.raises(InvalidValueError, match="brake"):
+        live.step("a", slope_deg=5, torque_nm=60, dt_s=0.1, brake=brake)
+
+
+def test_times_so_late_that_they_have_no_fractions_end(twin):
+    live = Live(twin)
+    live.start("a", mass_kg=430, slope_deg=5)
+    live._states[0, 3] = 1e300  # forged: the number `time_s` of the engine's state
+
+    live.step("a", slope_deg=5, torque_nm=60, dt_s=60.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 import re
 from collections.abc import Callable, Iterable, Mapping
@@ -136,6 +137,13 @@ def number(name: str, value: object) -> float:
         return float(value)  # type: ignore[arg-type] # anything but a number raises, and is named below
     except (TypeError, ValueError, OverflowError) as fault:
         raise refused(name, value, "a number") from fault
+
+
+def finite(name: str, value: object) -> float:
+    """A number that JSON can hold as a float; raises InvalidInputError for anything else."""
+    if not math.isfinite(found := number(name, value)):
+        raise refused(name, value, "a finite number")
+    return found
 
 
 def whole(name: str, value: object) -> str:

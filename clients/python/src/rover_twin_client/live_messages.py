@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from http import HTTPStatus
 from typing import Any
 
 import httpx
+from websockets.exceptions import InvalidStatus
 
 from rover_twin_client.document import Node
 from rover_twin_client.errors import ConnectionFailedError, RoverTwinError, TimedOutError, UnexpectedAnswerError
@@ -48,7 +50,10 @@ def is_answer(node: Node) -> bool:
 
 
 def broken(url: str, fault: Exception) -> RoverTwinError:
-    """The error for a connection that failed, was closed, or did not answer in time."""
+    """The error for a connection that failed, was refused or closed, or did not answer in time."""
     if isinstance(fault, TimeoutError):
         return TimedOutError(f"{url} did not answer in time")
+    if isinstance(fault, InvalidStatus) and fault.response.status_code < HTTPStatus.INTERNAL_SERVER_ERROR:
+        said = f"HTTP {fault.response.status_code}"  # another try would be refused as well
+        return UnexpectedAnswerError(f"{url} takes no WebSockets ({said}): is this a rover-twin service?")
     return ConnectionFailedError(f"cannot talk to {url}: {fault or type(fault).__name__}; is the service running?")

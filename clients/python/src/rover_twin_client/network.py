@@ -12,6 +12,8 @@ from tenacity import (
     BaseRetrying,
     retry_if_exception,
     stop_after_attempt,
+    stop_after_delay,
+    stop_all,
     wait_combine,
     wait_exception,
     wait_random_exponential,
@@ -30,6 +32,7 @@ DEFAULT_URL = "http://127.0.0.1:8000"
 # read from its store before it answers for the first time.
 DEFAULT_TIMEOUT = httpx.Timeout(connect=3.0, read=30.0, write=10.0, pool=10.0)
 DEFAULT_RETRIES = 2
+RESTART_S = 5.0  # how long live steps try: a service that restarts answers after about two seconds
 LONGEST_WAIT_S = 10.0  # when the service asks for a longer wait, the call fails at once
 ACTOR = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._@+-]{0,99}")
 HEADERS = {"Accept": "application/json", "User-Agent": "rover-twin-client"}
@@ -99,6 +102,14 @@ def patient(usual: httpx.Timeout, read_s: float) -> httpx.Timeout:
 def retrying(kind: type[Retries], retries: int) -> Retries:
     """Runs a function up to 1 + `retries` times, and raises the last failure as it is."""
     return kind(stop=stop_after_attempt(1 + retries), wait=WAIT, retry=WORTH_ANOTHER_TRY, reraise=True)
+
+
+def bridging(kind: type[Retries], retries: int) -> Retries:
+    """The same, but with any retries for at least `RESTART_S` seconds, so that a restart is bridged."""
+    if retries == 0:
+        return retrying(kind, 0)
+    stop = stop_all(stop_after_attempt(1 + retries), stop_after_delay(RESTART_S))
+    return kind(stop=stop, wait=WAIT, retry=WORTH_ANOTHER_TRY, reraise=True)
 
 
 @contextmanager

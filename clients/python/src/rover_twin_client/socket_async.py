@@ -11,6 +11,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
 from rover_twin_client.document import Node
+from rover_twin_client.errors import RoverTwinError
 from rover_twin_client.live_messages import ANSWER_S, CONNECT_S, LARGEST_BYTES, address, broken, is_answer, packed, read
 
 
@@ -46,6 +47,12 @@ class AsyncSocket:
         except (OSError, WebSocketException) as fault:  # TimeoutError is an OSError
             await self.aclose()
             raise broken(self._url, fault) from fault
+        except RoverTwinError:
+            raise  # the message was answered
+        except BaseException:
+            # Cancelled or interrupted while the answer was on its way: the next message must not get that one.
+            await self.aclose()
+            raise
         return answer
 
     async def aclose(self) -> None:

@@ -10,6 +10,7 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
 from rover_twin_client.document import Node
+from rover_twin_client.errors import RoverTwinError
 from rover_twin_client.live_messages import ANSWER_S, CONNECT_S, LARGEST_BYTES, address, broken, is_answer, packed, read
 
 
@@ -44,6 +45,12 @@ class Socket:
         except (OSError, WebSocketException) as fault:  # TimeoutError is an OSError
             self.close()
             raise broken(self._url, fault) from fault
+        except RoverTwinError:
+            raise  # the message was answered
+        except BaseException:
+            # Cancelled or interrupted while the answer was on its way: the next message must not get that one.
+            self.close()
+            raise
         return answer
 
     def close(self) -> None:

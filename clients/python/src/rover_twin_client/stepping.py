@@ -8,7 +8,7 @@ from http import HTTPStatus
 from typing import Any
 
 from rover_twin_client import drive_parsing as parsing
-from rover_twin_client.calls import Call, number, refused, said
+from rover_twin_client.calls import Call, finite, refused, said
 from rover_twin_client.document import Node
 from rover_twin_client.drives import Moment
 from rover_twin_client.errors import InvalidInputError, Problem, UnexpectedAnswerError
@@ -16,15 +16,19 @@ from rover_twin_client.errors import InvalidInputError, Problem, UnexpectedAnswe
 PATH = "/v1/steps"
 LIVE_PATH = "/v1/live"
 USUAL_DT_S = 0.1
+LONGEST_ID = 100
 
 
 @dataclass(frozen=True, slots=True)
 class RoverStep:
-    """One rover's next step: the slope under its middle, stall torque per wheel or brake, and how long they act."""
+    """One rover's next step: the slope under its middle, stall torque per wheel or brake, and how long they act.
+
+    Without `brake` it needs a torque: 0 where the wheels are to turn freely.
+    """
 
     id: str
     slope_deg: float
-    torque_nm: float = 0.0
+    torque_nm: float | None = None
     brake: bool = False
     dt_s: float = USUAL_DT_S
 
@@ -44,16 +48,17 @@ class Rovers:
 
     def start(self, name: str, mass_kg: float, start_speed_m_s: float | None) -> None:
         """A rover that begins to move with its next step; one of the same name is forgotten."""
-        if not isinstance(name, str) or not name:
-            raise refused("id", name, "a text of 1 to 64 characters")
+        checked_id(name)
         numbers = {"mass_kg": mass_kg, **said(start_speed_m_s=start_speed_m_s)}
-        self._starts[name] = {field: number(field, value) for field, value in numbers.items()}
+        self._starts[name] = {field: finite(field, value) for field, value in numbers.items()}
         self._states.pop(name, None)
 
     def resume(self, states: Mapping[str, str]) -> None:
         """Rovers that go on from states, which another client or service may have answered."""
         for name, state in states.items():
-            self._starts.pop(name, None)
+            if not isinstance(state, str):
+                raise refused("state", state, "the text of a state")
+            self._starts.pop(checked_id(name), None)
             self._states[name] = state
 
     def forget(self, name: str) -> None:
@@ -94,9 +99,23 @@ class Rovers:
             raise refused("id", step.id, "the id of a rover that was started or resumed")
         elif step.id not in known:
             origin = {"state": self._states[step.id]}
-        acts = {"brake": True} if step.brake else {"torque_nm": number("torque_nm", step.torque_nm)}
-        numbers = {"slope_deg": number("slope_deg", step.slope_deg), "dt_s": number("dt_s", step.dt_s)}
+        if step.torque_nm is None and not step.brake:
+            raise refused("torque_nm", None, "a number unless the brake is on; 0 lets the wheels turn freely")
+        acts = {"brake": True} if step.brake else {"torque_nm": finite("torque_nm", step.torque_nm)}
+        numbers = {"slope_deg": finite("slope_deg", step.slope_deg), "dt_s": finite("dt_s", step.dt_s)}
         return {"id": step.id, **origin, **numbers, **acts}
+
+
+def checked_id(name: object) -> str:
+    """The id of a rover; raises InvalidInputError unless it is a text that can be sent."""
+    if isinstance(name, str) and 1 <= len(name) <= LONGEST_ID:
+        try:
+            name.encode()
+        except UnicodeEncodeError:  # half of a surrogate pair
+            pass
+        else:
+            return name
+    raise refused("id", name, f"text of 1 to {LONGEST_ID} characters that UTF-8 can hold")
 
 
 def refusal(node: Node) -> InvalidInputError:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 from urllib.parse import quote
 
 from rover_twin_client import training_parsing as parsing
-from rover_twin_client.calls import Call, checked_name, number, refused, said, whole
+from rover_twin_client.calls import Call, checked_name, finite, refused, said, whole
 from rover_twin_client.training import Alias, Dataset, DatasetInfo, TrainingJob, Upload
 
 DATASETS = "/v1/admin/datasets"
@@ -46,7 +45,7 @@ def upload_fields(
     """The fields of the form beside the file. The service has a default for every None."""
     fields: dict[str, str] = said(name=name, description=description, set_name=set_name)
     numbers = said(slope_deg=slope_deg, mass_kg=mass_kg, torque_nm=torque_nm, horizon_s=horizon_s)
-    fields |= {field: repr(_finite(field, value)) for field, value in numbers.items()}
+    fields |= {field: repr(finite(field, value)) for field, value in numbers.items()}
     if column_map is not None:
         fields["column_map"] = column_map if isinstance(column_map, str) else _json("column_map", column_map)
     if passport is not None:
@@ -109,14 +108,14 @@ def job_request(
         "datasets": [datasets] if isinstance(datasets, str) else list(datasets),
         **said(**others),
     }
-    split: dict[str, Any] = {name: _finite(name, value) for name, value in said(test_fraction=test_fraction).items()}
-    slopes = [_finite("test_slopes_deg", slope) for slope in test_slopes_deg]
+    split: dict[str, Any] = {name: finite(name, value) for name, value in said(test_fraction=test_fraction).items()}
+    slopes = [finite("test_slopes_deg", slope) for slope in test_slopes_deg]
     if slopes:
         split["test_slopes_deg"] = slopes
-    budget: dict[str, Any] = {name: _finite(name, value) for name, value in said(max_minutes=max_minutes).items()}
+    budget: dict[str, Any] = {name: finite(name, value) for name, value in said(max_minutes=max_minutes).items()}
     budget |= {name: int(whole(name, value)) for name, value in said(max_epochs=max_epochs).items()}
     asked |= {name: int(whole(name, value)) for name, value in said(seed=seed).items()}
-    asked |= {name: _finite(name, value) for name, value in said(margin=margin).items()}
+    asked |= {name: finite(name, value) for name, value in said(margin=margin).items()}
     asked |= {name: list(value) for name, value in said(inputs=inputs).items()}
     return asked | {name: part for name, part in (("split", split), ("budget", budget)) if part}
 
@@ -188,12 +187,6 @@ def _path(collection: str, field: str, reference: str) -> str:
     if not isinstance(reference, str) or not reference.strip(".") or len(reference) > 200:
         raise refused(field, reference, "an id or a name, at most 200 characters")
     return f"{collection}/{quote(reference, safe='')}"
-
-
-def _finite(name: str, value: object) -> float:
-    if not math.isfinite(found := number(name, value)):
-        raise refused(name, value, "a finite number")
-    return found
 
 
 def _json(name: str, value: Mapping[str, object]) -> str:

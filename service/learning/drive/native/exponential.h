@@ -49,7 +49,9 @@ ROVER_INLINE double rover_expm1(double x)
 ROVER_INLINE double rover_tanh(double x)
 {
     double twice = x < 0.0 ? -2.0 * x : 2.0 * x;
-    double more = rover_expm1(twice < 50.0 ? twice : 50.0), found = more / (more + 2.0);
+    if (twice > 40.0) /* all bits are those of 1 */
+        return x < 0.0 ? -1.0 : 1.0;
+    double more = rover_expm1(twice), found = more / (more + 2.0);
     return x < 0.0 ? -found : found;
 }
 

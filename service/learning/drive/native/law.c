@@ -19,6 +19,7 @@ static const double close_m_s = 1e-8;
 static const double locked_rim_m_s = 0.2;
 static const double most_speed_m_s = 20.0, most_force = 4.0, most_ratio = 1e3, most_by_speed = 2.0, least_rate = 0.05, most_rate = 1e4;
 static const double most_m = 1e9, most_dig = 1e3;
+static const double gone = 30.0; /* exp(-gone) = 1e-13 of what holds a stuck rover: nothing */
 
 static double smooth(double fraction)
 {
@@ -162,12 +163,16 @@ ROVER_INLINE void basis_sums(const rover_basis *basis, const double *scaled, con
 }
 
 #define SUMS_PARAMETERS (const rover_law *law, const double *scaled, const double *weights, double *sums)
-ROVER_INLINE void law_sums SUMS_PARAMETERS
+ROVER_INLINE void motion_sums SUMS_PARAMETERS
 {
     basis_sums(&law->motion, scaled, weights, 2, sums);
-    basis_sums(&law->stall, scaled, weights + 2 * law->motion.count, 1, sums + 2);
 }
-ROVER_VERSIONS(law_sums, SUMS_PARAMETERS, (law, scaled, weights, sums))
+ROVER_INLINE void stall_sums SUMS_PARAMETERS
+{
+    basis_sums(&law->stall, scaled, weights + 2 * law->motion.count, 1, sums);
+}
+ROVER_VERSIONS(motion_sums, SUMS_PARAMETERS, (law, scaled, weights, sums))
+ROVER_VERSIONS(stall_sums, SUMS_PARAMETERS, (law, scaled, weights, sums))
 
 /* Straight lines between values at knots, from zero at `low` to zero at `high`; flat up to the first knot if that is
  * `low` too. */
@@ -233,14 +238,19 @@ static void place_slope(rover_place *place, double slope_rad)
     double front = (law->centre_ahead_m * cosine - height * sine) / law->wheelbase_m - p->share_shift * cosine;
     place->front_share = rover_held(front, 0.02, 0.98);
     place->rear_share = rover_held(cosine - place->front_share, 0.02, 1.0);
+}
+
+static void place_load(rover_place *place)
+{
+    const rover_parameters *p = place->parameters;
     double load = log(place->rear_share * place->mass_kg / reference_load_kg);
     place->rear_slip_scale = rover_exp(p->rear_load_exponent * load) / p->rear_slip_scale;
     place->rut_slip_scale = rover_exp(p->rut_load_exponent * load) / p->rut_slip_scale;
     place->compaction = p->compaction * rover_exp(p->compaction_exponent * load);
 }
 
-/* Resistances and heights that are polynomials of the features */
-static void place_polynomials(rover_place *place)
+/* Resistances that are polynomials of the features */
+static void place_resistances(rover_place *place)
 {
     const rover_parameters *p = place->parameters;
     double f0 = place->scaled[0], f1 = place->scaled[1], f2 = place->scaled[2];
@@ -257,9 +267,13 @@ static void place_polynomials(rover_place *place)
         else
             place->back = sum;
     }
+}
+
+/* The parts of the height are polynomials too. */
+static void place_heights(rover_place *place)
+{
+    double f0 = place->scaled[0], f1 = place->scaled[1], f2 = place->scaled[2];
     const double *n = place->heights;
-    if (!n)
-        return;
     double m = place->mass_kg / reference_mass_kg, *to = place->height;
     const double base[6] = {1.0, f0, m, f2 * f2, f0 * f2, f0 * f0};
     to[0] = n[35] * f1;
@@ -294,20 +308,36 @@ static void place_at(rover_place *place, const rover_state *state)
     }
     if (same)
         return;
-    place_polynomials(place);
-    place->summed = 0;
+    if (place->heights)
+        place_heights(place);
+    place->driven = place->stall_summed = 0;
 }
 
-static void place_sums(rover_place *place, const double *weights)
+/* What only a rover needs whose wheels are not locked */
+static void place_driven(rover_place *place, const double *weights)
 {
-    if (place->summed)
+    if (place->driven)
         return;
-    double sums[3];
-    ROVER_CALL(place->law->vector_bits, law_sums, (place->law, place->scaled, weights, sums));
+    place_load(place);
+    place_resistances(place);
+    double sums[2];
+    ROVER_CALL(place->law->vector_bits, motion_sums, (place->law, place->scaled, weights, sums));
     place->motion = sums[0];
     place->rut = sums[1];
-    place->stall = sums[2];
-    place->summed = 1;
+    place->driven = 1;
+}
+
+/* What holds a rover that barely moves; its sum is made only for one that is slow enough for it. */
+static double stuck_at(rover_place *place, const double *weights, double speed)
+{
+    double faster = (speed - place->parameters->gate_speed_m_s) / place->parameters->gate_width_m_s;
+    if (faster > gone)
+        return 0.0;
+    if (!place->stall_summed) {
+        ROVER_CALL(place->law->vector_bits, stall_sums, (place->law, place->scaled, weights, &place->stall));
+        place->stall_summed = 1;
+    }
+    return place->stall / (1.0 + rover_exp(faster));
 }
 
 /* The front slip where the rear wheel is: of the ring's cells, the oldest for what lies behind them. */
@@ -385,7 +415,7 @@ static void driven_cell(rover_place *place, const double *weights, rover_state *
 {
     const rover_parameters *p = place->parameters;
     const rover_law *law = place->law;
-    place_sums(place, weights);
+    place_driven(place, weights);
     double speed = state->speed_m_s, x = state->x_m + speed * state->cell_s * 0.5, no_load = law->rim_speed_m_s;
     double per_radius = 1.0 / law->wheel_radius_m;
     double ratio = place->ratio, share = ratio * ratio / (ratio * ratio + p->free_ratio * p->free_ratio);
@@ -444,7 +474,7 @@ static void driven_cell(rover_place *place, const double *weights, rover_state *
                                      - p->back_hold_relief * rover_exp(-backed / p->back_hold_length_m))
             + share * place->back;
     }
-    double stuck = share * place->stall / (1.0 + rover_exp((speed - p->gate_speed_m_s) / p->gate_width_m_s));
+    double stuck = share * stuck_at(place, weights, speed);
     double level_slope = level * (1.0 - turning * turning) / p->turning_speed_m_s
         + (speed > 0.0 ? p->speed_resistance : 0.0);
     bounded_cell(place, state, traction - stuck, no_load, level * turning + state->offset,

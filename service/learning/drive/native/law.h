@@ -21,12 +21,15 @@ typedef struct {
     double ratio;                         /* of the motors' torque to weight times radius */
     double sine, front_share, rear_share;
     double scaled[3];
-    double mass_scale, front_slip_scale, rear_slip_scale, rut_slip_scale, compaction;
+    double mass_scale, front_slip_scale;
+    double height[10];                    /* what its parts are multiplied with, see law_height */
+    int driven;                           /* whether there are these, which locked wheels do not need: */
+    double rear_slip_scale, rut_slip_scale, compaction;
     double early[4], along[3];            /* at their knots */
     double back;                          /* what the scenario adds where the rover goes back */
-    double height[10];                    /* what its parts are multiplied with, see law_height */
-    int summed;                           /* whether there are these: what the bases make of it */
-    double motion, rut, stall;
+    double motion, rut;                   /* what the basis makes of it */
+    int stall_summed;                     /* whether there is this */
+    double stall;
     int rolled;                           /* whether there is this: the end of the cell that was begun last */
     rover_rolled end;
 } rover_place;

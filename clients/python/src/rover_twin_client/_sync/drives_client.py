@@ -67,6 +67,12 @@ class DrivesClient(TrainingClient):
         self,
         drives: Iterable[Mapping[str, Any]],
         *,
+        mass_kg: float | None = None,
+        track: Track | None = None,
+        controls: Controls | None = None,
+        start_speed_m_s: float | None = None,
+        horizon_s: float | None = None,
+        until_distance_m: float | None = None,
         dt_s: float | None = None,
         times_s: Sequence[float] | None = None,
         model: str | None = None,
@@ -78,13 +84,21 @@ class DrivesClient(TrainingClient):
         """Predicts many drives in one request, in the order given; a drive that is refused sinks no other.
 
         Each is a mapping with `mass_kg`, `track` and `controls`, and `start_speed_m_s`, `horizon_s` and
-        `until_distance_m` where wanted. The other arguments are those of `drive`, for all of them.
+        `until_distance_m` where wanted. What is given as an argument holds for each drive that says nothing else: one
+        track for many rovers, or the reverse. The other arguments are those of `drive`, for all of them.
 
-        Raises what `drive` raises for what concerns all of them.
+        Raises what `drive` raises for what concerns all of them, and InvalidInputError for a drive that lacks a mass, a
+        track or controls.
         """
         return self._answer(
             calls.drive_batch(
                 drives,
+                mass_kg=mass_kg,
+                track=track,
+                controls=controls,
+                start_speed_m_s=start_speed_m_s,
+                horizon_s=horizon_s,
+                until_distance_m=until_distance_m,
                 dt_s=dt_s,
                 times_s=times_s,
                 model=model,

@@ -7,9 +7,12 @@ from collections.abc import Iterable, Mapping
 from types import TracebackType
 from typing import Self
 
+from tenacity import Retrying
+
 from rover_twin_client._sync.connection import Connection
 from rover_twin_client.drives import Moment, Transport
-from rover_twin_client.errors import ConnectionFailedError
+from rover_twin_client.lock_sync import Lock
+from rover_twin_client.network import bridging
 from rover_twin_client.socket_sync import Socket
 from rover_twin_client.stepping import LIVE_PATH, USUAL_DT_S, Rovers, RoverStep, only
 
@@ -17,8 +20,9 @@ from rover_twin_client.stepping import LIVE_PATH, USUAL_DT_S, Rovers, RoverStep,
 class Live:
     """Steps rovers, one call after the other. Make it with `RoverTwin.live`, and use it in `with`.
 
-    Every answer brings the rover's state, so that nothing is lost when the connection breaks: the next step goes on
-    from the last state, at whichever replica answers then. One step at a time: it is not for several threads at once.
+    Every answer brings the rover's state, so that nothing is lost when the connection breaks: the step is asked again
+    from the last state, at whichever replica answers then. It is tried for at least 5 s, which bridges a restart of the
+    service, and once only by a client with `retries=0`. Several threads may share it: their calls queue up.
     """
 
     def __init__(self, connection: Connection, model: str | None, transport: Transport) -> None:
@@ -28,6 +32,9 @@ class Live:
         self._rovers = Rovers(model)
         self._socket = Socket(connection._url, LIVE_PATH) if transport == "websocket" else None
         self._known: set[str] = set()  # to the other end of the present WebSocket
+        self._turn = Lock()
+        self._tries = bridging(Retrying, connection._retries)
+        self._closed = False
 
     def start(self, id: str, mass_kg: float, start_speed_m_s: float | None = None) -> None:  # noqa: A002
         """A rover of this mass that begins to move with its next step.
@@ -56,16 +63,17 @@ class Live:
         self,
         id: str,  # noqa: A002
         slope_deg: float,
-        torque_nm: float = 0.0,
+        torque_nm: float | None = None,
         dt_s: float = USUAL_DT_S,
         *,
         brake: bool = False,
     ) -> Moment:
         """Moves one rover on by `dt_s` seconds under this slope and torque, or with locked wheels.
 
-        `slope_deg` is the slope under the rover's middle, `torque_nm` the stall torque of each wheel's motor. Raises
-        InvalidInputError for a value out of range and for a rover that was not started; the rover then stays where it
-        was. Raises ConnectionFailedError and TimedOutError when the service does not answer, after further tries.
+        `slope_deg` is the slope under the rover's middle, `torque_nm` the stall torque of each wheel's motor: needed
+        unless `brake`, and 0 where the wheels are to turn freely. Raises InvalidInputError for a value out of range and
+        for a rover that was not started; the rover then stays where it was. Raises ConnectionFailedError when nobody
+        answers for 5 s, TimedOutError when an answer takes too long, and RuntimeError after `close`.
         """
         return only(self.step_many([RoverStep(id, slope_deg, torque_nm, brake, dt_s)]), id)
 
@@ -75,28 +83,28 @@ class Live:
         Raises what `step` raises, for the first rover that was refused; the others have moved then.
         """
         asked = list(steps)
-        if self._socket is None:
-            return self._connection._answer(self._rovers.call(asked))
-        for again in reversed(range(self._connection._retries + 1)):
-            if not self._socket.is_open:
-                self._known.clear()
-            try:
-                answer = self._socket.exchange(self._rovers.message(asked, self._known))
-            except ConnectionFailedError:
-                # Nothing is lost: what was answered has its state here, what was not is asked again from there.
-                self._known.clear()
-                if not again:
-                    raise
-                continue
-            moments = self._rovers.read(answer)
-            self._known.update(each.id for each in moments)
+        with self._turn:
+            moments: list[Moment] = self._tries(self._attempt, asked)
             return moments
-        raise AssertionError("the last try returns or raises")
+
+    def _attempt(self, steps: list[RoverStep]) -> list[Moment]:
+        """One try. What was answered has its state here, what was not is asked again from there."""
+        if self._closed:
+            raise RuntimeError("this live connection was closed: make another one, and `resume` the states there")
+        if self._socket is None:
+            return self._connection._attempt(self._rovers.call(steps), None)
+        if not self._socket.is_open:
+            self._known.clear()
+        moments = self._rovers.read(self._socket.exchange(self._rovers.message(steps, self._known)))
+        self._known.update(each.id for each in moments)
+        return moments
 
     def close(self) -> None:
-        """Closes the connection; the states stay readable."""
-        if self._socket is not None:
-            self._socket.close()
+        """Closes the connection, after the step that is under way; the states stay readable."""
+        self._closed = True
+        with self._turn:
+            if self._socket is not None:
+                self._socket.close()
 
     def __enter__(self) -> Self:
         return self
