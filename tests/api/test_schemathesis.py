@@ -17,7 +17,11 @@ from schemathesis.specs.openapi.checks import (
 
 from service.app import openapi_document
 
-pytestmark = pytest.mark.slow
+# Arrow tables are no questions that it could make: tests/api/v1/test_steps.py does
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore:Skipped test cases with unsupported payload media types"),
+]
 
 CHECKS = [
     not_a_server_error,
