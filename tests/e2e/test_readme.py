@@ -37,8 +37,9 @@ def readme_blocks() -> list[Block]:
 
 
 def commands() -> list[str]:
-    """Every line of every sh block."""
-    return [line for block in readme_blocks() if block.language == "sh" for line in block.text.splitlines()]
+    """Every line of every sh block, but for those that go on with the line before."""
+    lines = [line for block in readme_blocks() if block.language == "sh" for line in block.text.splitlines()]
+    return [line for line in lines if not line.startswith(" ")]
 
 
 def is_finite_command(command: str) -> bool:
@@ -117,7 +118,7 @@ def test_the_readme_holds(clone):
     """One test, since a reader goes from top to bottom: what a step makes, a later one uses."""
     blocks = readme_blocks()
     curls = [(block.text.strip(), following) for block, following in pairwise(blocks) if block.text.startswith("curl")]
-    assert [following.language for _, following in curls] == ["json", "json", "sh"]
+    assert [following.language for _, following in curls] == ["json", "json", "python", "sh"]
     training = [line for line in commands() if "my-" in line]
     assert len(training) == 5
 
@@ -126,17 +127,27 @@ def test_the_readme_holds(clone):
             answer = json.loads(run(command, clone))
             if shown.language == "json":
                 assert_close(answer, json.loads(shown.text))
+            elif "/v1/drives" in command:
+                assert [each["event"] for each in answer["events"]] == ["passes", "arrives"]
             else:
                 assert all(25 < slope < 33 for slope in answer["steepest_climb_slope_deg"])
         run(".venv/bin/pip install --quiet --constraint constraints.txt ./clients/python", clone)
-        (snippet,) = [block.text for block in blocks if block.language == "python"]
-        (clone / "ask.py").write_text(snippet)
+        asked, stepped = [block.text for block in blocks if block.language == "python"]
+        (clone / "ask.py").write_text(asked)
         assert run(".venv/bin/python ask.py", clone).startswith("climbs 1.2")
+        (clone / "step.py").write_text(stepped)
+        assert [line.split()[0] for line in run(".venv/bin/python step.py", clone).splitlines()] == [
+            "0.5",
+            "1.0",
+            "1.5",
+            "2.0",
+        ]
     printed = {command: run(command, clone, timeout_s=900) for command in commands() if is_finite_command(command)}
     assert set(training[:-1]) <= printed.keys()
     (predicted,) = [text for command, text in printed.items() if " predict " in command]
     (suggested,) = [text for command, text in printed.items() if " suggest-runs " in command]
     assert "climbs" in predicted
+    assert (clone / "viper.fmu").stat().st_size > 100_000
     assert len(suggested.splitlines()) >= 9
     with serving(training[-1], clone, 8001), urlopen("http://127.0.0.1:8001/v1/models") as answer:
         models = json.load(answer)["models"]

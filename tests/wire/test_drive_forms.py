@@ -89,7 +89,7 @@ def test_the_stage_is_the_world_in_both_frames(frame):
 
 
 def test_a_picture_steps_from_torque_to_torque_and_shades_the_brake():
-    subject = subject_of(Frame.SLOPE)
+    subject = subject_of(Frame.SLOPE, band=True)
     panels = figure_of(subject).axes
     (torque,) = [line for line in panels[-1].lines if line.get_label() == "prediction"]
 
@@ -97,6 +97,7 @@ def test_a_picture_steps_from_torque_to_torque_and_shades_the_brake():
     assert panels[0].lines[0].get_drawstyle() == "default"
     for axes in panels:
         (shade,) = [each for each in axes.collections if each.get_label() == "brake"]
+        assert all(shade.get_zorder() < each.get_zorder() for each in axes.collections if each is not shade)
         (path,) = shade.get_paths()
         assert (path.vertices[:, 0].min(), path.vertices[:, 0].max()) == (4.0, 5.0)
     free = DriveSubject(subject.loaded, driven(SHORT, Wanted(), False, subject.loaded).drive)

@@ -105,7 +105,16 @@ def _shade(axes: Axes, time: Array, holds: Array, name: str) -> None:
     there[1:] |= there[:-1]
     whole_height = axes.get_xaxis_transform()
     axes.fill_between(
-        time, 0, 1, where=there, step="post", transform=whole_height, color=_SHADE_COLOUR, linewidth=0, label=name
+        time,
+        0,
+        1,
+        where=there,
+        step="post",
+        transform=whole_height,
+        color=_SHADE_COLOUR,
+        linewidth=0,
+        zorder=0,
+        label=name,
     )
 
 

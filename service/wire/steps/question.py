@@ -234,6 +234,8 @@ def read_steps(document: object, *, live: bool = False, most: int = MAX_ROVERS) 
         said = f"{len(sent)} rovers" if isinstance(sent, list) else sent
         allowed = f"a list of {least} to {most} rovers"
         raise InvalidInputError(fault("rovers", said, allowed) if "rovers" in document else missing("rovers", allowed))
+    if document.get("model", "") is None:
+        raise InvalidInputError(fault("model", None, STEPS_WORDS["model"]))
     shared = _SAME if document.keys() == {"rovers"} else _read_shared(document)
     good, failures = _checked(sent, live=live)
     rovers, states = [], []
