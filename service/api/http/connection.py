@@ -50,7 +50,7 @@ class ConnectionLimits:
     head_bytes: int = 32 << 10
     head_fields: int = 100
     head_s: float = 10.0
-    body_s: float = 30.0
+    body_s: float = 60.0
     send_s: float = 10.0
     linger_s: float = 1.0
 
