@@ -26,7 +26,7 @@ from service import child
 from service.api import health, metrics
 from service.api.admin import AdminGate
 from service.api.http import docs
-from service.api.http.answer_bytes import AnswerBytes
+from service.api.http.answer_bytes import AnswerBytes, WaitingBytes
 from service.api.http.body_limit import BodyLimit
 from service.api.http.connection import HEALTH_PATHS, ConnectionLimits, Connections, allow_files
 from service.api.http.errors import ErrorAnswers
@@ -84,7 +84,7 @@ def create_app(
     `ModelStore.open` raises.
     """
     store = ModelStore.open(settings.store_url)
-    counting = instruments or Instruments()
+    counting, waiting = instruments or Instruments(), WaitingBytes(settings.max_answer_bytes)
     threads = settings.threads or available_cpus()
 
     def brought_in(twin: Twin) -> None:
@@ -111,7 +111,7 @@ def create_app(
             lifecycle=state,
             store=store,
             registry=registry,
-            predictions=WorkerThreads("predictions", threads, settings.max_waiting),
+            predictions=WorkerThreads("predictions", threads, settings.max_waiting, waiting.require_room),
             storage=WorkerThreads("store reads", _STORAGE_THREADS, settings.max_waiting),
             instruments=counting,
             jobs=jobs,
@@ -133,7 +133,7 @@ def create_app(
         if jobs:
             await anyio.to_thread.run_sync(jobs.close)
 
-    app = _assemble(lifespan, counting, _Chosen.of(settings))
+    app = _assemble(lifespan, counting, _Chosen.of(settings), waiting)
     _prepare_routes(app)
     return app
 
@@ -141,7 +141,7 @@ def create_app(
 def openapi_document() -> dict[str, Any]:
     """The OpenAPI document, without a store or a server. The same for all settings."""
     usual = {name: Settings.model_fields[name].default for name in _Chosen._fields}
-    return openapi_of(_assemble(None, Instruments(), _Chosen(**usual)))
+    return openapi_of(_assemble(None, Instruments(), _Chosen(**usual), WaitingBytes(usual["max_answer_bytes"])))
 
 
 class _Chosen(NamedTuple):
@@ -157,7 +157,7 @@ class _Chosen(NamedTuple):
         return cls(*(getattr(settings, name) for name in cls._fields))
 
 
-def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Chosen) -> FastAPI:
+def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Chosen, waiting: WaitingBytes) -> FastAPI:
     app = FastAPI(
         title="Rover Twin",
         version=service.__version__,
@@ -180,9 +180,7 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
     app.add_middleware(Lanes, lanes=lanes, answer_to=answer_to)
     app.add_middleware(BodyLimit, limit_bytes=chosen.max_body_bytes, answer_to=answer_to, larger=larger)
     app.add_middleware(AdminGate, answer_to=answer_to)
-    app.add_middleware(
-        AnswerBytes, limit_bytes=chosen.max_answer_bytes, answer_to=answer_to, always=(*HEALTH_PATHS, "/metrics")
-    )
+    app.add_middleware(AnswerBytes, waiting=waiting, answer_to=answer_to, always=(*HEALTH_PATHS, "/metrics"))
     app.add_middleware(Semantics)
     if chosen.cors_origins:
         app.add_middleware(

@@ -142,7 +142,7 @@ class Settings(BaseSettings):
         default=10.0, description="Seconds after which a client that takes nothing of its answer is cut off."
     )
     max_answer_bytes: Annotated[int, Field(ge=1 << 20, le=1 << 40)] = Field(
-        default=256 << 20,
+        default=128 << 20,
         description="Bytes of answers that may wait for slow clients; beyond that new requests are refused with a 503.",
     )
     root_path: Annotated[str, Field(pattern=r"^(/[A-Za-z0-9._~-]+)*$", max_length=200)] = Field(

@@ -33,10 +33,14 @@ class ClientGoneError(RoverTwinError):
 
 
 class WorkerThreads:
-    """At most `threads` calls run at once, at most `max_waiting` wait. Make it inside a running event loop."""
+    """At most `threads` calls run at once, at most `max_waiting` wait. Make it inside a running event loop.
 
-    def __init__(self, what: str, threads: int, max_waiting: int) -> None:
+    `admit` is called before each call that has waited for its thread; what it raises is raised instead.
+    """
+
+    def __init__(self, what: str, threads: int, max_waiting: int, admit: Callable[[], None] = lambda: None) -> None:
         self._what = what
+        self._admit = admit
         self._limiter = anyio.CapacityLimiter(threads)
         self._max_waiting = max_waiting
 
@@ -53,12 +57,17 @@ class WorkerThreads:
             waiting = self._limiter.statistics().tasks_waiting
             if waiting >= self._max_waiting:
                 raise OverloadedError(f"{waiting} {self._what} are waiting already; try again in {RETRY_AFTER_S} s")
+
+        def admitted() -> Result:
+            self._admit()
+            return call()
+
         if asker is not None:
             async with self._limiter:
                 if await asker.is_disconnected():
                     raise ClientGoneError
-                return await anyio.to_thread.run_sync(call, limiter=anyio.CapacityLimiter(1))
+                return await anyio.to_thread.run_sync(admitted, limiter=anyio.CapacityLimiter(1))
         if give_up_s is None:
-            return await anyio.to_thread.run_sync(call, limiter=self._limiter)
+            return await anyio.to_thread.run_sync(admitted, limiter=self._limiter)
         with anyio.fail_after(give_up_s):
-            return await anyio.to_thread.run_sync(call, limiter=self._limiter, abandon_on_cancel=True)
+            return await anyio.to_thread.run_sync(admitted, limiter=self._limiter, abandon_on_cancel=True)
