@@ -23,7 +23,8 @@ from service.errors import RoverTwinError
 
 PREFIX = "ROVER_TWIN_"
 _SECRETS = ("admin_token", "jobs_database_url")  # may also be read from a file, and are never printed
-_OF_CLIENTS = {f"{PREFIX}URL"}  # not ours, but often set beside them
+# Not ours, but often set beside them: of the client scripts, docker/compose.yaml, and what builds the image.
+_OF_OTHERS = {f"{PREFIX}{name}" for name in ("URL", "PUBLISHED_PORT", "IMAGE", "IMAGE_BUILD", "IMAGE_RUN")}
 _SERVICE_LINKS = "Kubernetes set this for a service named rover-twin: set enableServiceLinks: false in the pod"
 
 
@@ -220,7 +221,7 @@ def _from_files(known: Mapping[str, Any]) -> dict[str, str]:
 def _require_known_variables() -> None:
     """Raises SettingsError for a variable that would be a setting if there were one of that name."""
     known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields}
-    known |= {f"{PREFIX}{name.upper()}_FILE" for name in _SECRETS} | _OF_CLIENTS
+    known |= {f"{PREFIX}{name.upper()}_FILE" for name in _SECRETS} | _OF_OTHERS
     for variable in sorted(os.environ):
         if variable.startswith(PREFIX) and variable not in known:
             nearest = difflib.get_close_matches(variable, known, 1, 0.0)[0]
