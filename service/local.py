@@ -12,8 +12,8 @@
     print(live.step("rover", slope_deg=10, torque_nm=100, dt_s=0.1).x_m)
 
 Questions are read as `/v1/predictions` and `/v1/drives` read them, with the same ranges, and have the same answers;
-`live` moves rovers as `/v1/steps` does. Nothing here imports the web, or reads the environment. Loading takes a tenth
-of a second, a prediction or a drive about a millisecond.
+`live` moves rovers as `/v1/steps` does. Nothing here imports the web, or reads the environment. Loading, a
+prediction and a drive take some milliseconds each.
 """
 
 from __future__ import annotations
