@@ -23,8 +23,11 @@ from fastapi.middleware.cors import CORSMiddleware
 import service
 from model_store import ModelStore
 from service import child
+from service.access.addresses import networks
+from service.access.tokens import Tokens
 from service.api import health, metrics
-from service.api.admin import AdminGate
+from service.api.access import Access
+from service.api.admin import Gate
 from service.api.http import docs
 from service.api.http.answer_bytes import AnswerBytes, WaitingBytes
 from service.api.http.body_limit import BodyLimit
@@ -33,14 +36,16 @@ from service.api.http.errors import ErrorAnswers
 from service.api.http.instruments import Instruments
 from service.api.http.lanes import Lanes, lanes_of
 from service.api.http.openapi import openapi_of
-from service.api.http.request_log import RequestLog
+from service.api.http.request_log import RequestLog, client_of, write_refusal
 from service.api.http.semantics import Semantics
+from service.api.http.templates import Templates
 from service.api.http.upload_body import remove_forgotten_uploads
 from service.api.http.web_sockets import WebSocketProtocol
 from service.api.http.worker_threads import WorkerThreads
 from service.api.services import Lifecycle, LifespanState, Services
 from service.api.v1 import (
     aliases,
+    audit,
     batch,
     datasets,
     drive_batch,
@@ -57,6 +62,7 @@ from service.api.v1 import (
 from service.api.v2 import routes as inference
 from service.api.v2.failures import PREFIX, failure
 from service.cpu import available_cpus, limit_torch_threads
+from service.jobs.audit import AuditLog
 from service.jobs.queue import JobQueue
 from service.jobs.supervisor import WorkerSupervisor
 from service.log import configure_logging
@@ -81,7 +87,7 @@ def create_app(
 
     An empty store or a default model that cannot be loaded stops nothing: readiness says so until it heals.
     `lifecycle` lets whoever runs the app announce its end, `instruments` count what several processes do. Raises what
-    `ModelStore.open` raises.
+    `ModelStore.open` and `tokens_of` raise.
     """
     store = ModelStore.open(settings.store_url)
     counting, waiting = instruments or Instruments(), WaitingBytes(settings.max_answer_bytes)
@@ -101,8 +107,9 @@ def create_app(
         released=give_back,
     )
     state = lifecycle or Lifecycle()
-    jobs = JobQueue.open(settings.jobs_url(), settings.max_queued_jobs) if settings.admin_token else None
-    worker = WorkerSupervisor(settings) if settings.admin_token and settings.start_worker else None
+    access = Access(tokens_of(settings), counting)
+    jobs = JobQueue.open(settings.jobs_url(), settings.max_queued_jobs) if settings.admin_is_on else None
+    worker = WorkerSupervisor(settings) if settings.admin_is_on and settings.start_worker else None
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[LifespanState]:
@@ -114,7 +121,9 @@ def create_app(
             predictions=WorkerThreads("predictions", threads, settings.max_waiting, waiting.require_room),
             storage=WorkerThreads("store reads", _STORAGE_THREADS, settings.max_waiting),
             instruments=counting,
+            access=access,
             jobs=jobs,
+            audit=AuditLog(settings.jobs_url(), settings.audit_days) if jobs else None,
         )
 
         async def start() -> None:
@@ -151,6 +160,7 @@ class _Chosen(NamedTuple):
     max_upload_bytes: int
     max_answer_bytes: int
     cors_origins: tuple[str, ...]
+    trusted_proxies: tuple[str, ...]
 
     @classmethod
     def of(cls, settings: Settings) -> _Chosen:
@@ -175,11 +185,12 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
         **{("POST", each.PATH): max(each.MAX_BODY_BYTES, chosen.max_body_bytes) for each in (drives, steps)},
     }
     answer_to = ErrorAnswers(_FOR_FORMS)
+    templates = Templates()
     # the last one added is the outermost
     lanes = [lane for resource in (predictions, drives, steps, inference) for lane in lanes_of(resource.router)]
     app.add_middleware(Lanes, lanes=lanes, answer_to=answer_to)
     app.add_middleware(BodyLimit, limit_bytes=chosen.max_body_bytes, answer_to=answer_to, larger=larger)
-    app.add_middleware(AdminGate, answer_to=answer_to)
+    app.add_middleware(Gate, answer_to=answer_to)
     app.add_middleware(AnswerBytes, waiting=waiting, answer_to=answer_to, always=(*HEALTH_PATHS, "/metrics"))
     app.add_middleware(Semantics)
     if chosen.cors_origins:
@@ -190,7 +201,13 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
             allow_headers=["*"],
             expose_headers=["*"],
         )
-    app.add_middleware(RequestLog, instruments=instruments, answer_to=answer_to)
+    app.add_middleware(
+        RequestLog,
+        instruments=instruments,
+        answer_to=answer_to,
+        template_of=templates.of,
+        trusted=networks(chosen.trusted_proxies),
+    )
     answer_to.install(app)
     app.include_router(predictions.router)  # first, for a request is compared with one address after the other
     app.include_router(batch.router)
@@ -198,11 +215,12 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
     app.include_router(steps.router)
     app.include_router(drive_batch.router)
     docs.install(app)
-    for resource in (inference, mobility, models, fmu, suggested_runs, health, metrics, datasets, training_jobs):
+    for resource in (inference, mobility, models, fmu, suggested_runs, health, metrics, datasets, training_jobs, audit):
         app.include_router(resource.router)
     for router in (aliases.reading, aliases.moving):
         app.include_router(router)
     app.router.routes += live.routes
+    templates.learn(app.router.routes)
     app.openapi = lambda: openapi_of(app)  # type: ignore[method-assign] # FastAPI's documented way
     return app
 
@@ -285,8 +303,14 @@ def _serve(
     server.run(sockets)
 
 
+def tokens_of(settings: Settings) -> Tokens:
+    """The tokens in force. Raises TokenFileError for a file that cannot be used."""
+    own = settings.admin_token
+    return Tokens(own.get_secret_value() if own else None, settings.tokens_file)
+
+
 def make_server(app: FastAPI, settings: Settings, lifecycle: Lifecycle, instruments: Instruments) -> Server:
-    """A server that is bounded, quiet, and trusts no proxy header."""
+    """A server that is bounded and quiet. `request_log` reads what proxies say, so uvicorn does not."""
     limits = ConnectionLimits(
         connections=settings.max_connections,
         head_bytes=settings.max_head_bytes,
@@ -294,7 +318,15 @@ def make_server(app: FastAPI, settings: Settings, lifecycle: Lifecycle, instrume
         head_s=settings.head_timeout_s,
         send_s=settings.send_timeout_s,
     )
-    connections = Connections(limits, ErrorAnswers(_FOR_FORMS), instruments.refused)
+    trusted = networks(settings.trusted_proxies)
+    connections = Connections(
+        limits,
+        ErrorAnswers(_FOR_FORMS),
+        instruments.refused,
+        lambda method, status, seconds, peer, headers: write_refusal(
+            method, status, seconds, client_of(peer, headers, trusted)
+        ),
+    )
     config = uvicorn.Config(
         app,
         host=settings.host,

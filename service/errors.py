@@ -81,3 +81,7 @@ class IdempotencyKeyError(JobError, ValueError):
 
 class JobsUnavailableError(JobError):
     """The jobs' database does not answer; nothing was changed, or an acknowledgement got lost."""
+
+
+class AuditUnavailableError(RoverTwinError):
+    """The audit log does not answer: what it would have to show is not done."""

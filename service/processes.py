@@ -21,6 +21,7 @@ from prometheus_client.multiprocess import mark_process_dead
 
 from model_store import ModelStore
 from service import child
+from service.access.tokens import Tokens
 from service.cpu import available_cpus
 from service.log import configure_logging
 from service.settings import Settings
@@ -34,11 +35,13 @@ _log = structlog.get_logger(__name__)
 def run_processes(settings: Settings) -> None:
     """Serve with `settings.workers` processes until a signal comes, which then ends this process too.
 
-    Each is told of SIGTERM or SIGINT once, and ends as a single one would. Raises what `ModelStore.open` raises, and
-    SystemExit when the address cannot be listened on.
+    Each is told of SIGTERM or SIGINT once, and ends as a single one would. Raises what `ModelStore.open` and
+    `Tokens` raise, and SystemExit when the address cannot be listened on.
     """
     configure_logging(settings.log_level, settings.log_format)
-    ModelStore.open(settings.store_url)  # what is wrong with it shall end this process, and not each of them again
+    # what is wrong with these shall end this process, and not each of them again
+    ModelStore.open(settings.store_url)
+    Tokens(path=settings.tokens_file)
     place = uvicorn.Config("service.app:create_app", host=settings.host, port=settings.port, log_config=None)
     with (
         place.bind_socket() as listener,

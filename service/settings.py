@@ -18,13 +18,14 @@ from pydantic import AfterValidator, Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from model_store import parse_reference
+from service.access.addresses import networks
 from service.allowed import allowed_values
 from service.errors import RoverTwinError
 
 PREFIX = "ROVER_TWIN_"
 _SECRETS = ("admin_token", "jobs_database_url")  # may also be read from a file, and are never printed
 # Not ours, but often set beside them: of the client scripts, docker/compose.yaml, and what builds the image.
-_OF_OTHERS = {f"{PREFIX}{name}" for name in ("URL", "PUBLISHED_PORT", "IMAGE", "IMAGE_BUILD", "IMAGE_RUN")}
+_OF_OTHERS = {f"{PREFIX}{name}" for name in ("URL", "TOKEN", "PUBLISHED_PORT", "IMAGE", "IMAGE_BUILD", "IMAGE_RUN")}
 _SERVICE_LINKS = "Kubernetes set this for a service named rover-twin: set enableServiceLinks: false in the pod"
 
 
@@ -57,6 +58,11 @@ def _packaged_store() -> str:
 def _reference(text: str) -> str:
     parse_reference(text)
     return text
+
+
+def _networks(texts: tuple[str, ...]) -> tuple[str, ...]:
+    networks(texts)
+    return texts
 
 
 class Settings(BaseSettings):
@@ -93,7 +99,29 @@ class Settings(BaseSettings):
     )
     admin_token: Annotated[SecretStr, Field(min_length=16, max_length=1024)] | None = Field(
         default=None,
-        description="Bearer token of the admin endpoints, at least 16 characters; without it they are off.",
+        description="Bearer token of the admin endpoints, at least 16 characters, of the identity `admin`. Without it "
+        "and without a file of tokens they are off.",
+    )
+    tokens_file: Annotated[Path, Field(json_schema_extra={"x-allowed": "the path of a file"})] | None = Field(
+        default=None,
+        description="File of named tokens that `rover-twin tokens create` writes; read again within a second or two "
+        "when it changes.",
+    )
+    require_token: bool = Field(
+        default=False,
+        description="Whether every address but health needs a token, of scope read at least: predictions, documents "
+        "and metrics too.",
+    )
+    trusted_proxies: Annotated[
+        tuple[str, ...],
+        Field(max_length=100, json_schema_extra={"x-allowed": 'a JSON list of addresses and networks, ["10.0.0.0/8"]'}),
+        AfterValidator(_networks),
+    ] = Field(
+        default=(),
+        description="Proxies whose X-Forwarded-For is believed, as a JSON list of addresses and networks.",
+    )
+    audit_days: Annotated[int, Field(ge=1, le=36_500)] = Field(
+        default=365, description="Days that the audit log of admin calls is kept."
     )
     jobs_database_url: Annotated[str, Field(pattern=r"^(sqlite:///|postgresql(\+psycopg)?://).+")] | None = Field(
         default=None,
@@ -107,7 +135,8 @@ class Settings(BaseSettings):
         default=16, description="Training jobs that may wait; the next one is refused with a 429."
     )
     start_worker: bool = Field(
-        default=True, description="Whether serve keeps a training worker running; it does so only with an admin token."
+        default=True,
+        description="Whether serve keeps a training worker running; it does so only with a token configured.",
     )
     worker_threads: Annotated[int, Field(ge=1, le=1024)] = Field(
         default=1, description="Threads of a training worker, which yields the processor to predictions."
@@ -178,6 +207,11 @@ class Settings(BaseSettings):
         default=30, description="Seconds in which running requests may finish before they are cut off."
     )
 
+    @property
+    def admin_is_on(self) -> bool:
+        """Whether there can be a token that opens the admin endpoints."""
+        return self.admin_token is not None or self.tokens_file is not None
+
     def jobs_url(self) -> str:
         """The SQLAlchemy URL of the jobs' database: the one that was set, else a file beside what it is about."""
         if self.jobs_database_url:
@@ -196,9 +230,12 @@ def load_settings(**overrides: Any) -> Settings:  # noqa: ANN401 - whatever the 
     _require_known_variables()
     given |= _from_files(given)
     try:
-        return Settings(**given)
+        settings = Settings(**given)
     except ValidationError as error:
         raise SettingsError(_reason(error, given)) from None
+    if settings.require_token and not settings.admin_is_on:
+        raise SettingsError(f"{PREFIX}REQUIRE_TOKEN is true, and there is no token: set {PREFIX}TOKENS_FILE too")
+    return settings
 
 
 def _from_files(known: Mapping[str, Any]) -> dict[str, str]:

@@ -1,108 +1,180 @@
-"""Who may change things: the bearer token of the admin endpoints, checked before anything of a body is read."""
+"""Who may change things: tokens are checked before anything of a body is read, and calls are put on record."""
 
 from __future__ import annotations
 
-import hashlib
-import hmac
-import re
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, TypeVar
+from urllib.parse import quote
 
-from fastapi import Depends, Header, Request, Security
+import structlog
+from fastapi import Depends, Request, Security
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
-from pydantic.json_schema import SkipJsonSchema
-from starlette.datastructures import Headers
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Send
+from starlette.types import Scope as AsgiScope
 
+from service.access.tokens import Identity, Scope
+from service.api.http.connection import HEALTH_PATHS
 from service.api.http.errors import ErrorAnswers, own_path
-from service.api.http.exceptions import AdminOffError, UnauthorizedError
+from service.api.http.exceptions import (
+    AdminOffError,
+    ForbiddenError,
+    TooManyAttemptsError,
+    UnauthorizedError,
+)
 from service.api.http.problems import Slug
-from service.api.http.reading import Route
+from service.api.http.reading import Answer, Route
+from service.api.http.request_log import ANSWERED, CLIENT
 from service.api.services import Services, services_of
+from service.errors import AuditUnavailableError
+from service.jobs.audit import Attempt
+from service.log import request_id
 from service.wire.faults import InvalidInputError, fault
 
-ACTOR_HEADER = "X-Actor"
-ADMIN = "admin"
-ADMIN_PROBLEMS = (Slug.UNAUTHORIZED, Slug.ADMIN_OFF, Slug.INVALID_INPUT)
-"""What every route with `Admin` can answer besides its own problems."""
+ADMIN_PROBLEMS = (
+    Slug.UNAUTHORIZED,
+    Slug.INSUFFICIENT_SCOPE,
+    Slug.TOO_MANY_ATTEMPTS,
+    Slug.ADMIN_OFF,
+    Slug.INVALID_INPUT,
+    Slug.AUDIT_UNAVAILABLE,
+)
+"""What every admin route can answer besides its own problems."""
 
+AUDIT_S = 5.0
 _PREFIX = "/v1/admin"
-_ACTOR = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._@+-]{0,99}")
-_ACTOR_ALLOWED = "1 to 100 of A-Z a-z 0-9 space . _ @ + -, starting with a letter or digit"
+_SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
+_OLD_ACTOR = "X-Actor"
+_REFUSALS = (AdminOffError, UnauthorizedError, ForbiddenError, TooManyAttemptsError)
 _bearer = HTTPBearer(
     scheme_name="admin",
-    description="The operator's `ROVER_TWIN_ADMIN_TOKEN`. Without that setting the admin endpoints are off.",
+    description="A token of the operator: `ROVER_TWIN_ADMIN_TOKEN`, or one of `ROVER_TWIN_TOKENS_FILE`. Its scope is "
+    "`read` or `admin`; what changes something wants `admin`. Without these settings the admin endpoints are off.",
     auto_error=False,
 )
+Result = TypeVar("Result")
+_log = structlog.get_logger(__name__)
 
 
-def check_token(services: Services, headers: Headers) -> None:
-    """Raises AdminOffError when no token is configured, UnauthorizedError when another one, or none, was sent."""
-    token = services.settings.admin_token
-    if token is None:
-        raise AdminOffError
-    scheme, _, sent = headers.get("authorization", "").strip().partition(" ")
-    if scheme.lower() != "bearer" or not sent.strip():
-        raise UnauthorizedError("send the admin token as 'Authorization: Bearer <token>'", wrong=False)
-    # digests have one length, so the comparison tells nothing about the token's; headers come decoded as latin-1
-    ours, theirs = (_digest(token.get_secret_value().encode()), _digest(sent.strip().encode("latin-1", "replace")))
-    if not hmac.compare_digest(ours, theirs):
-        raise UnauthorizedError("the token that was sent is not the admin token of this service", wrong=True)
+class Gate:
+    """ASGI middleware: under `/v1/admin` nothing is told without a token, not even which addresses there are.
 
-
-def _digest(text: bytes) -> bytes:
-    return hashlib.sha256(text).digest()
-
-
-async def require_admin(
-    request: Request,
-    _credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)],
-    said: Annotated[
-        str | SkipJsonSchema[None],
-        Header(
-            alias=ACTOR_HEADER,
-            description="Name of the caller for the audit trail. It is not checked.",
-            json_schema_extra={"pattern": f"^{_ACTOR.pattern}$"},
-        ),
-    ] = None,
-) -> str:
-    """The actor for the audit trail: "admin", or "admin:<X-Actor>".
-
-    Raises what `check_token` raises, and InvalidInputError for an X-Actor that no record could show safely.
+    With `ROVER_TWIN_REQUIRE_TOKEN` nothing but health is told anywhere.
     """
-    check_token(await services_of(request), request.headers)
-    if said is None:
-        return ADMIN
-    if _ACTOR.fullmatch(said) is None:
-        raise InvalidInputError(fault(ACTOR_HEADER, said, _ACTOR_ALLOWED))
-    return f"{ADMIN}:{said}"
-
-
-Admin = Annotated[str, Depends(require_admin)]
-"""Declares that a route needs the token; its value is the actor."""
-
-
-class AdminGate:
-    """ASGI middleware: under `/v1/admin` nothing is told without the token, not even which addresses there are."""
 
     def __init__(self, app: ASGIApp, answer_to: ErrorAnswers) -> None:
         self.app = app
         self.answer_to = answer_to
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def __call__(self, scope: AsgiScope, receive: Receive, send: Send) -> None:
         """ASGI."""
-        path = own_path(scope) if scope["type"] == "http" and _PREFIX in scope["path"] else ""
-        if path == _PREFIX or path.startswith(_PREFIX + "/"):
-            try:
-                check_token(scope["state"]["services"], Headers(scope=scope))
-            except (AdminOffError, UnauthorizedError) as error:
-                await self.answer_to(error, path)(scope, receive, send)
-                return
+        if scope["type"] == "lifespan":
+            await self.app(scope, receive, send)
+            return
+        services: Services = scope["state"]["services"]
+        if services.settings.require_token or _PREFIX in scope["path"]:
+            path = own_path(scope)
+            under_admin = path == _PREFIX or path.startswith(_PREFIX + "/")
+            if under_admin or (services.settings.require_token and path not in HEALTH_PATHS):
+                try:
+                    services.access.require(scope, _wanted(scope) if under_admin else Scope.READ)
+                except _REFUSALS as error:
+                    await self._refuse(error, path, scope, receive, send)
+                    return
         await self.app(scope, receive, send)
+
+    async def _refuse(self, error: Exception, path: str, scope: AsgiScope, receive: Receive, send: Send) -> None:
+        response = self.answer_to(error, path)
+        if scope["type"] != "websocket":
+            await response(scope, receive, send)
+            return
+        await receive()  # that it connects
+        start = {"type": "websocket.http.response.start", "status": response.status_code}
+        await send({**start, "headers": response.raw_headers})
+        await send({"type": "websocket.http.response.body", "body": bytes(response.body)})
 
 
 class AdminRoute(Route):
-    """A route that needs the token: checked before query and body are read."""
+    """A route that needs a token: to read, one of scope `reading`, else one of scope admin. Audited unless it reads."""
 
-    def admit(self, request: Request) -> None:
-        """Raises what `check_token` raises."""
-        check_token(request.scope["state"]["services"], request.headers)
+    reading = Scope.READ
+
+    def get_route_handler(self) -> Answer:
+        """As `Route`'s, once the caller is admitted, and the call is on record."""
+        handle = super().get_route_handler()
+
+        async def admitted(request: Request) -> None:
+            services: Services = request.scope["state"]["services"]
+            reads = request.method in _SAFE
+            identity = services.access.require(request.scope, self.reading if reads else Scope.ADMIN)
+            if not reads:
+                _require_no_actor(request)
+                await _put_on_record(request, services, identity)
+
+        async def handle_admitted(request: Request):  # type: ignore[no-untyped-def] # noqa: ANN202 - as `Answer`
+            await admitted(request)
+            return await handle(request)
+
+        return handle_admitted
+
+
+class SecretRoute(AdminRoute):
+    """A route that only a token of scope admin may read."""
+
+    reading = Scope.ADMIN
+
+
+async def require_admin(
+    request: Request, _credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)]
+) -> str:
+    """The name of the caller's token, for records of who did what. Raises what `Access.require` raises."""
+    services = await services_of(request)
+    return services.access.require(request.scope, _wanted(request.scope)).name
+
+
+Admin = Annotated[str, Depends(require_admin)]
+"""Declares that a route needs a token; its value is the actor. For routes of class `AdminRoute`."""
+
+
+def _wanted(scope: AsgiScope) -> Scope:
+    return Scope.READ if scope.get("method", "GET") in _SAFE else Scope.ADMIN
+
+
+def _require_no_actor(request: Request) -> None:
+    """Raises InvalidInputError for the header by which a caller once named himself: it must not seem to count."""
+    if (said := request.headers.get(_OLD_ACTOR)) is not None:
+        raise InvalidInputError(fault(_OLD_ACTOR, said, "no such header: the actor is the name of the token"))
+
+
+async def _put_on_record(request: Request, services: Services, identity: Identity) -> None:
+    """Raises AuditUnavailableError: what cannot be recorded is not done."""
+    audit = services.audit
+    if audit is None:
+        raise AuditUnavailableError("this service was started without a database")
+    scope = request.scope
+    attempt = Attempt(
+        actor=identity.name,
+        client=scope[CLIENT],
+        method=request.method,
+        route=scope["route"].path,
+        path=quote(own_path(scope)[:300], safe="/:@!$&'()*+,;=~-._"),
+        request_id=request_id.get(""),
+    )
+    number = await _in_time(services, lambda: audit.begin(attempt))
+
+    async def answered(status: int) -> None:
+        try:
+            await _in_time(services, lambda: audit.complete(number, status))
+        except Exception as error:
+            # it is done: to answer anything else now would only be wrong
+            _log.error(
+                "the outcome of an admin call could not be recorded", row=number, status=status, reason=str(error)
+            )
+
+    scope[ANSWERED] = answered
+
+
+async def _in_time(services: Services, call: Callable[[], Result]) -> Result:
+    try:
+        return await services.job_calls.run(call, give_up_s=AUDIT_S)
+    except TimeoutError:
+        raise AuditUnavailableError(f"no answer in {AUDIT_S:g} s") from None

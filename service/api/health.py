@@ -1,11 +1,15 @@
-"""`/health`: is the process alive, and can it predict. Never behind authentication."""
+"""`/health`: is the process alive, and can it predict. Never behind authentication.
+
+Who sends a token is told more: where the store is and what its backend said is no business of strangers.
+"""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from fastapi import APIRouter
-from pydantic import BaseModel
+from fastapi import APIRouter, Request
+from pydantic import BaseModel, Field
+from pydantic.json_schema import SkipJsonSchema
 
 from model_store import StoreError
 from service.api.http.exceptions import NotReadyError
@@ -43,12 +47,18 @@ class LoadFailure(BaseModel):
 
 
 class ReadyAnswer(BaseModel):
-    """The default model has just made a prediction."""
+    """The default model has just made a prediction. `failures` and `warnings` only with a token."""
 
     status: Literal["ready"] = "ready"
     model: ModelIdentity
     probe: Probe
-    failures: list[LoadFailure]
+    failures: Annotated[
+        list[LoadFailure] | SkipJsonSchema[None],
+        Field(description="What cannot be loaded or brought up to date. Only with a token."),
+    ] = None
+    warnings: Annotated[
+        list[str] | SkipJsonSchema[None], Field(description="What the operator should look at. Only with a token.")
+    ] = None
 
 
 router = APIRouter(prefix="/health", tags=["health"], route_class=Route)
@@ -60,9 +70,15 @@ async def live() -> LiveAnswer:
     return LiveAnswer()
 
 
-@router.get("/ready", summary="Can it predict?", responses=problem_responses(Slug.NOT_READY))
-async def ready(services: TheServices) -> ReadyAnswer:
+@router.get(
+    "/ready",
+    summary="Can it predict?",
+    response_model_exclude_none=True,
+    responses=problem_responses(Slug.NOT_READY),
+)
+async def ready(services: TheServices, request: Request) -> ReadyAnswer:
     """Makes a small prediction with the default model, on a thread of its own: busy is not unready."""
+    known = services.access.is_known(request.scope)
     if services.lifecycle.draining:
         raise NotReadyError("the service is shutting down")
     default = services.settings.default_model
@@ -72,10 +88,12 @@ async def ready(services: TheServices) -> ReadyAnswer:
     except (RoverTwinError, StoreError) as error:
         if isinstance(error, OverloadedError):
             raise NotReadyError(str(error)) from error
-        raise NotReadyError(f"the default model {default} cannot predict: {error}") from error
+        why = str(error) if known else "the log says why, and so does this with a token"
+        raise NotReadyError(f"the default model {default} cannot predict: {why}") from error
     except TimeoutError:
         raise NotReadyError(f"the default model {default} gave no answer in {PROBE_TIMEOUT_S:g} s") from None
-    return ReadyAnswer(model=_identity(loaded), probe=probe, failures=_failures(services))
+    answer = ReadyAnswer(model=_identity(loaded), probe=probe)
+    return answer.model_copy(update=_details(services)) if known else answer
 
 
 def _probe(loaded: Loaded) -> Probe:
@@ -87,6 +105,8 @@ def _identity(loaded: Loaded) -> ModelIdentity:
     return ModelIdentity(name=loaded.twin.name, version=loaded.twin.version, alias=loaded.alias)
 
 
-def _failures(services: Services) -> list[LoadFailure]:
+def _details(services: Services) -> dict[str, object]:
     status = services.registry.status()
-    return [LoadFailure(reference=reference, message=message) for reference, message in status.failures]
+    failures = [LoadFailure(reference=reference, message=message) for reference, message in status.failures]
+    problem = services.access.tokens.look()
+    return {"failures": failures, "warnings": [problem] if problem else []}

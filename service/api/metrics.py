@@ -1,4 +1,7 @@
-"""`GET /metrics`: what happens here, for Prometheus. Never behind authentication: it names no path and no person."""
+"""`GET /metrics`: what happens here, for Prometheus. It names no path and no person.
+
+So it needs a token only where everything does (`ROVER_TWIN_REQUIRE_TOKEN`).
+"""
 
 from __future__ import annotations
 
@@ -38,12 +41,15 @@ class _Residents(Collector):
 
     def __init__(self, services: Services) -> None:
         self._status = services.registry.status()
+        self._problem = services.access.tokens.look()
 
     def collect(self) -> Iterable[Metric]:
-        """Two gauges."""
+        """Three gauges."""
         yield GaugeMetricFamily(f"{PREFIX}resident_versions", "Versions in memory.", len(self._status.resident))
         failures = "References that cannot be loaded or brought up to date."
         yield GaugeMetricFamily(f"{PREFIX}reference_failures", failures, len(self._status.failures))
+        unusable = "Whether the tokens file has become unusable; the tokens before are in force."
+        yield GaugeMetricFamily(f"{PREFIX}tokens_file_unusable", unusable, int(self._problem is not None))
 
 
 router = APIRouter(tags=["health"], route_class=Route)

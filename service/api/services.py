@@ -9,6 +9,7 @@ import anyio
 from fastapi import Depends, Request
 
 from model_store import Manifest, ModelStore
+from service.api.access import Access
 from service.api.http.event_stream import MOST_LISTENERS
 from service.api.http.instruments import Instruments
 from service.api.http.kept import Kept
@@ -16,6 +17,7 @@ from service.api.http.statistics import Statistics
 from service.api.http.web_sockets import Connections
 from service.api.http.worker_threads import WorkerThreads
 from service.fmu import FmuCache
+from service.jobs.audit import AuditLog
 from service.jobs.queue import JobQueue
 from service.learning.suggest import SuggestedRun
 from service.settings import Settings
@@ -53,7 +55,9 @@ class Services:
     predictions: WorkerThreads
     storage: WorkerThreads
     instruments: Instruments
-    jobs: JobQueue | None = None  # None without an admin token
+    access: Access
+    jobs: JobQueue | None = None  # None without any token
+    audit: AuditLog | None = None  # in the jobs' database, and called as that is
     # a line of their own: a database that hangs must not keep the store's readers waiting
     job_calls: WorkerThreads = field(
         default_factory=lambda: WorkerThreads("training job calls", _JOB_THREADS, _JOB_CALLS_WAITING)

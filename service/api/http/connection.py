@@ -37,6 +37,7 @@ _REASONS: dict[type[Exception], str] = {
 }
 
 _log = logging.getLogger(__name__)
+Headers = list[tuple[bytes, bytes]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,15 +57,20 @@ class ConnectionLimits:
 
 
 class Connections:
-    """All connections of one process. `answer` makes the answer to an error, `refused` counts it by its reason."""
+    """All connections of one process. `answer` makes the answer to an error, `refused` counts it by its reason.
+
+    `logged` writes the line of a refused request: its method, status and seconds, where it came from, its headers.
+    """
 
     def __init__(
         self,
         limits: ConnectionLimits,
         answer: Callable[[Exception, str], Response],
         refused: Callable[[str], None] = lambda _reason: None,
+        logged: Callable[[str, int, float, tuple[str, int] | None, Headers], None] = lambda *_: None,
     ) -> None:
         self.limits = limits
+        self.logged = logged
         self.answer = answer
         self.refused = refused
         self.ending = False
@@ -234,17 +240,26 @@ class GuardedProtocol(HttpToolsProtocol):
     def cut(self, reason: str) -> None:
         """Ends the connection at once."""
         self._all.refused(reason)
-        _log.info("a connection was cut off: %s", reason)
+        _log.info("a connection from %s was cut off: %s", self.client[0] if self.client else "unknown", reason)
         self.transport.abort()
 
     def _close_if_idle(self) -> None:
         if self.transport is not None and not self.transport.is_closing() and self.is_idle:
             self.transport.close()
 
+    def _waited_s(self) -> float:
+        return time.monotonic() - self.waiting_since
+
+    def _method(self) -> str:
+        """Of the request that is coming in; `?` while it is not known."""
+        method: bytes = self.parser.get_method() if self.headers else b""
+        return method.decode("ascii", "replace") or "?"
+
     def _refuse(self, error: Exception) -> None:
         """Answers a request of which no head could be made, and hangs up."""
         self._all.refused(_REASONS.get(type(error), "malformed-head"))
         response = self._all.answer(error, "/")
+        self._all.logged(self._method(), response.status_code, self._waited_s(), self.client, self.headers or [])
         lines = [b"HTTP/1.1 %d \r\n" % response.status_code, b"connection: close\r\n"]
         lines += [name + b": " + value + b"\r\n" for name, value in response.raw_headers if name != b"connection"]
         self.transport.write(b"".join([*lines, b"\r\n", bytes(response.body)]))

@@ -30,6 +30,7 @@ from model_store import (
 )
 from service.api.http.exceptions import (
     AdminOffError,
+    ForbiddenError,
     HeadTooLargeError,
     HeadTooSlowError,
     MalformedHeadError,
@@ -37,6 +38,7 @@ from service.api.http.exceptions import (
     NotReadyError,
     PreconditionFailedError,
     PreconditionRequiredError,
+    TooManyAttemptsError,
     UnauthorizedError,
     UnsupportedMediaTypeError,
     UploadStalledError,
@@ -49,6 +51,7 @@ from service.datasets.file_names import printable
 from service.datasets.findings import Finding
 from service.datasets.report import RejectedDatasetError
 from service.errors import (
+    AuditUnavailableError,
     CheckpointError,
     DatasetError,
     DatasetInUseError,
@@ -81,6 +84,9 @@ _SLUGS: tuple[tuple[type[Exception], Slug], ...] = (
     (ClientGoneError, Slug.OVERLOADED),
     (AdminOffError, Slug.ADMIN_OFF),
     (UnauthorizedError, Slug.UNAUTHORIZED),
+    (ForbiddenError, Slug.INSUFFICIENT_SCOPE),
+    (TooManyAttemptsError, Slug.TOO_MANY_ATTEMPTS),
+    (AuditUnavailableError, Slug.AUDIT_UNAVAILABLE),
     (MalformedBodyError, Slug.MALFORMED_BODY),
     (MalformedUploadError, Slug.MALFORMED_BODY),
     (UploadStalledError, Slug.UPLOAD_STALLED),
@@ -117,11 +123,14 @@ _HTTP_SLUGS = {
     415: Slug.UNSUPPORTED_MEDIA_TYPE,
     426: Slug.UPGRADE_REQUIRED,
 }
-_RETRY_LATER = frozenset({Slug.OVERLOADED, Slug.NOT_READY, Slug.STORE_UNAVAILABLE, Slug.JOBS_UNAVAILABLE})
+_RETRY_LATER = frozenset(
+    {Slug.OVERLOADED, Slug.NOT_READY, Slug.STORE_UNAVAILABLE, Slug.JOBS_UNAVAILABLE, Slug.AUDIT_UNAVAILABLE}
+)
 _HANG_UP = frozenset({Slug.BODY_TOO_LARGE, Slug.UPLOAD_STALLED})
 # where the store is and what its backend said is the operator's business: log it, do not tell
 _STORE_DOWN = "the model store does not answer"
 _JOBS_DOWN = "the database of the training jobs does not answer"
+_AUDIT_DOWN = "the audit log does not answer, so nothing was done"
 _FAILED = "the service failed on this request; its log says why"
 
 
@@ -192,6 +201,9 @@ def told(error: Exception, path: str) -> Told:
     if slug is Slug.JOBS_UNAVAILABLE:
         _log.error("the training jobs are unavailable", reason=str(error))
         return _tell(slug, _JOBS_DOWN)
+    if slug is Slug.AUDIT_UNAVAILABLE:
+        _log.error("the audit log is unavailable", reason=str(error))
+        return _tell(slug, _AUDIT_DOWN)
     return _tell(slug, str(error), dict(_members_of(error)), dict(_headers_of(error)))
 
 
@@ -224,9 +236,9 @@ def _rejection(finding: Finding) -> InputFault:
 
 
 def _headers_of(error: Exception) -> Iterator[tuple[str, str]]:
-    if isinstance(error, UnauthorizedError):
+    if isinstance(error, UnauthorizedError | ForbiddenError):
         yield "WWW-Authenticate", error.challenge
-    elif isinstance(error, QueueFullError):
+    elif isinstance(error, QueueFullError | TooManyAttemptsError):
         yield "Retry-After", str(error.retry_after_s)
 
 

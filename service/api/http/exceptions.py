@@ -19,15 +19,36 @@ class AdminOffError(RoverTwinError):
     """An admin address was asked for, and no token is configured: then nobody may."""
 
     def __init__(self) -> None:
-        super().__init__("the admin endpoints are off: ROVER_TWIN_ADMIN_TOKEN is not set")
+        super().__init__(
+            "the admin endpoints are off: neither ROVER_TWIN_ADMIN_TOKEN nor ROVER_TWIN_TOKENS_FILE is set"
+        )
 
 
 class UnauthorizedError(RoverTwinError):
-    """The admin token is missing, or (`wrong`) another one was sent."""
+    """The token is missing, or (`wrong`) one was sent that nobody has."""
 
     def __init__(self, message: str, *, wrong: bool) -> None:
         self.challenge = 'Bearer realm="rover-twin"' + (', error="invalid_token"' if wrong else "")
         super().__init__(message)
+
+
+class ForbiddenError(RoverTwinError):
+    """The token is known, but does not allow this."""
+
+    challenge = 'Bearer realm="rover-twin", error="insufficient_scope", scope="admin"'
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"the token {name!r} has the scope read; this address wants one with the scope admin")
+
+
+class TooManyAttemptsError(RoverTwinError):
+    """Wrong tokens keep coming from this client."""
+
+    def __init__(self, retry_after_s: int) -> None:
+        self.retry_after_s = retry_after_s
+        super().__init__(
+            f"too many wrong tokens came from this address; try again in {retry_after_s} s, or send the right one"
+        )
 
 
 class MalformedUploadError(RoverTwinError):

@@ -129,6 +129,9 @@ class Instruments:
             ("reason",),
             registry=own,
         )
+        self._logins = Counter(
+            f"{PREFIX}failed_logins", "Requests with a token that did not let them in.", ("reason",), registry=own
+        )
         self._processes.set(1)
         self._running.set(0)
 
@@ -163,6 +166,10 @@ class Instruments:
     def refused(self, reason: str) -> None:
         """A connection was cut off or refused; `reason` is one of few words."""
         self._refused.labels(reason).inc()
+
+    def login_failed(self, reason: str) -> None:
+        """A token was wrong, wrong and too early (slowed), or of too small a scope."""
+        self._logins.labels(reason).inc()
 
     def loaded(self, twin: Twin) -> None:
         """A version was brought into memory."""

@@ -36,6 +36,8 @@ class Slug(StrEnum):
     METHOD_NOT_ALLOWED = "method-not-allowed"
     UPGRADE_REQUIRED = "upgrade-required"
     UNAUTHORIZED = "unauthorized"
+    INSUFFICIENT_SCOPE = "insufficient-scope"
+    TOO_MANY_ATTEMPTS = "too-many-attempts"
     ADMIN_OFF = "admin-off"
     DATASET_REJECTED = "dataset-rejected"
     DATASET_IN_USE = "dataset-in-use"
@@ -46,6 +48,7 @@ class Slug(StrEnum):
     QUEUE_FULL = "queue-full"
     IDEMPOTENCY_KEY_REUSED = "idempotency-key-reused"
     JOBS_UNAVAILABLE = "jobs-unavailable"
+    AUDIT_UNAVAILABLE = "audit-unavailable"
     PRECONDITION_FAILED = "precondition-failed"
     PRECONDITION_REQUIRED = "precondition-required"
     ARTEFACT_CORRUPT = "artefact-corrupt"
@@ -123,13 +126,26 @@ _ROWS = (
         Slug.UNAUTHORIZED,
         401,
         "Unauthorized",
-        "The address needs the admin token; send `Authorization: Bearer <token>`.",
+        "The address needs a token; send `Authorization: Bearer <token>`.",
+    ),
+    ProblemKind(
+        Slug.INSUFFICIENT_SCOPE,
+        403,
+        "Insufficient scope",
+        "The token may only read, and this changes something or shows who changed something; send one of scope admin.",
+    ),
+    ProblemKind(
+        Slug.TOO_MANY_ATTEMPTS,
+        429,
+        "Too many attempts",
+        "Wrong tokens keep coming from this address. The right one is let in at once; others wait `Retry-After` s.",
     ),
     ProblemKind(
         Slug.ADMIN_OFF,
         403,
         "Admin endpoints off",
-        "No admin token is configured; the operator sets `ROVER_TWIN_ADMIN_TOKEN` to switch these addresses on.",
+        "No token is configured; the operator sets `ROVER_TWIN_ADMIN_TOKEN` or `ROVER_TWIN_TOKENS_FILE` to switch "
+        "these addresses on.",
     ),
     ProblemKind(
         Slug.DATASET_REJECTED,
@@ -171,6 +187,12 @@ _ROWS = (
         503,
         "Training jobs unavailable",
         "The database of the training jobs does not answer; try again a little later. Predictions are not affected.",
+    ),
+    ProblemKind(
+        Slug.AUDIT_UNAVAILABLE,
+        503,
+        "Audit log unavailable",
+        "The audit log cannot be written or read now. What it would have to show was not done; try again later.",
     ),
     ProblemKind(
         Slug.PRECONDITION_FAILED,

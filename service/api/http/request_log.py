@@ -6,12 +6,21 @@ import logging
 import re
 import time
 import uuid
+from collections.abc import Callable, Sequence
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from service.access.addresses import UNKNOWN, Network, client_address
 from service.api.http.errors import ErrorAnswers, own_path
 from service.api.http.instruments import Instruments
+from service.api.http.templates import NO_ROUTE
 from service.log import REQUESTS, request_id
+
+CLIENT = "service.client"
+"""Where in its scope a request has the address of the client."""
+
+ANSWERED = "service.answered"
+"""Where in its scope a request may have a coroutine function that is told the status before it is sent."""
 
 REQUEST_ID = "X-Request-ID"
 _HEADER = REQUEST_ID.lower().encode()
@@ -25,12 +34,24 @@ _log = logging.getLogger(REQUESTS)
 
 
 class RequestLog:
-    """ASGI middleware, to be the outermost one. Logs the route's template, never the path: that may hold anything."""
+    """ASGI middleware, to be the outermost one. Logs the route's template, never the path: that may hold anything.
 
-    def __init__(self, app: ASGIApp, instruments: Instruments, answer_to: ErrorAnswers) -> None:
+    `template_of` finds the template for requests that were refused on their way to it.
+    """
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        instruments: Instruments,
+        answer_to: ErrorAnswers,
+        template_of: Callable[[str], str] = lambda _path: NO_ROUTE,
+        trusted: Sequence[Network] = (),
+    ) -> None:
         self.app = app
         self.answer_to = answer_to
         self.instruments = instruments
+        self.template_of = template_of
+        self.trusted = trusted
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
@@ -45,11 +66,14 @@ class RequestLog:
         name = _id_of(scope)
         header = (_HEADER, name.encode())
         status = 0
+        scope[CLIENT] = client = client_of(scope.get("client"), scope["headers"], self.trusted)
 
         async def noting(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
+                if (tell := scope.get(ANSWERED)) is not None:
+                    await tell(status)
                 message["headers"] = [*message.get("headers", ()), header]
             await send(message)
 
@@ -61,15 +85,16 @@ class RequestLog:
                 raise
             await self.answer_to(error, own_path(scope))(scope, receive, noting)
         finally:
-            route = getattr(scope.get("route"), "path", "no route")
+            route = self._route_of(scope)
             seconds = time.perf_counter() - began
-            _write(scope["method"], route, status, seconds, name)
+            _write(scope["method"], route, status, seconds, name, client)
             self.instruments.ended(scope["method"], route, status, seconds)
             request_id.reset(token)
 
     async def _connection(self, scope: Scope, receive: Receive, send: Send) -> None:
         """The line of a connection is written when it is over; its status is the close code that the server sent."""
         began, name, status = time.perf_counter(), _id_of(scope), 0
+        scope[CLIENT] = client = client_of(scope.get("client"), scope["headers"], self.trusted)
 
         async def noting(message: Message) -> None:
             nonlocal status
@@ -84,16 +109,33 @@ class RequestLog:
         try:
             await self.app(scope, receive, noting)
         finally:
-            route = getattr(scope.get("route"), "path", "no route")
-            _write("WEBSOCKET", route, status, time.perf_counter() - began, name)
+            _write("WEBSOCKET", self._route_of(scope), status, time.perf_counter() - began, name, client)
             request_id.reset(token)
 
+    def _route_of(self, scope: Scope) -> str:
+        route = getattr(scope.get("route"), "path", None)
+        return self.template_of(own_path(scope)) if route is None else route
 
-def _write(method: str, route: str, status: int, seconds: float, name: str) -> None:
+
+def client_of(peer: tuple[str, int] | None, headers: Sequence[tuple[bytes, bytes]], trusted: Sequence[Network]) -> str:
+    """The address of the client whose request came from `peer` with these headers."""
+    if not trusted:
+        return peer[0] if peer else UNKNOWN
+    forwarded = [value.decode("latin-1") for name, value in headers if name.lower() == b"x-forwarded-for"]
+    return client_address(peer[0] if peer else None, forwarded, trusted)
+
+
+def write_refusal(method: str, status: int, seconds: float, client: str) -> None:
+    """The line of a request that was refused before there was one."""
+    _write(method, NO_ROUTE, status, seconds, uuid.uuid4().hex, client)
+
+
+def _write(method: str, route: str, status: int, seconds: float, name: str, client: str) -> None:
     level = logging.DEBUG if route in _QUIET else logging.INFO
     if _log.isEnabledFor(level):
         duration_ms = round(seconds * 1000, 2)
-        said = {"method": method, "route": route, "status": status, "duration_ms": duration_ms, "request_id": name}
+        said = {"method": method, "route": route, "status": status, "duration_ms": duration_ms}
+        said |= {"client": client, "request_id": name}
         # made by hand: `log` looks for the calling line first, which takes as long as all else here
         _log.handle(logging.LogRecord(REQUESTS, level, __file__, 0, said, None, None))
 

@@ -163,7 +163,8 @@ async def put_alias(
 @moving.post(
     "/{name}/aliases/{alias}/rollback",
     summary="Take the last move of an alias back",
-    responses=problem_responses(*_WRITE_PROBLEMS, Slug.ALIAS_NOT_FOUND, Slug.CONFLICT) | {200: {"headers": _ETAG}},
+    responses=problem_responses(*_WRITE_PROBLEMS, Slug.PRECONDITION_REQUIRED, Slug.ALIAS_NOT_FOUND, Slug.CONFLICT)
+    | {200: {"headers": _ETAG}},
 )
 async def roll_back(
     name: Name,
@@ -176,7 +177,8 @@ async def roll_back(
 ) -> AliasAnswer:
     """Back to the version before. A second rollback goes one version further back.
 
-    Without `If-Match` it takes back the last move, whichever it is. Without an earlier version it is a conflict.
+    Send `If-Match`, as to move the alias; `*` takes back the last move, whichever it is. Without an earlier version it
+    is a conflict.
     """
     require_name(name, alias)
     condition = _Condition(name, alias, if_match, None)
@@ -202,7 +204,15 @@ class _Condition:
             raise InvalidInputError(fault("If-None-Match", if_none_match, ANY))
 
     def require(self, seq: int | None) -> None:
-        """Raises PreconditionFailedError unless it holds for an alias at record `seq`, None where there is none."""
+        """For an alias at record `seq`, None where there is none.
+
+        Raises PreconditionRequiredError without any condition on an alias that exists, and PreconditionFailedError
+        unless the conditions hold.
+        """
+        if seq is not None and self.tags is None and not self.absent:
+            raise PreconditionRequiredError(
+                f"alias {self.name}@{self.alias} exists: send If-Match with its ETag, which is {etag_of(seq)}"
+            )
         is_at = "does not exist" if seq is None else f"is at {etag_of(seq)}"
         if self.absent and seq is not None:
             raise PreconditionFailedError(f"alias {self.name}@{self.alias} {is_at}, If-None-Match demands a new one")
@@ -238,10 +248,6 @@ def _move(store: ModelStore, condition: _Condition, asked: AliasMove, actor: str
             raise
         expected = None  # wherever it points: that repairs an alias whose newest record is damaged
     else:
-        if seq is not None and condition.tags is None and not condition.absent:
-            raise PreconditionRequiredError(
-                f"alias {condition.name}@{condition.alias} exists: send If-Match with its ETag, which is {etag_of(seq)}"
-            )
         condition.require(seq)
         expected = None if condition.tags == {ANY} else seq or 0
     try:
@@ -255,7 +261,7 @@ def _move(store: ModelStore, condition: _Condition, asked: AliasMove, actor: str
 def _roll_back(store: ModelStore, condition: _Condition, actor: str, reason: str) -> AliasRecord:
     current = store.alias(condition.name, condition.alias)
     condition.require(current.seq)
-    expected = current.seq if condition.tags else None
+    expected = None if condition.tags == {ANY} else current.seq
     try:
         return store.rollback(condition.name, condition.alias, actor=actor, reason=reason, expected_seq=expected)
     except ConflictError as error:

@@ -21,9 +21,12 @@ PREFIX = "/v2"
 _UNPROCESSABLE = 422  # of our own routes; the protocol knows 400 only
 _MEANINGS = {
     400: "The request is malformed, or a tensor or parameter is not allowed; `error` names it, its value and range.",
+    401: "The address needs a token of the operator.",
+    403: "The token may only read, or this service has none and no such address is on.",
     404: "There is no such model or version.",
     413: "The body is over the limit, as sent or unpacked.",
     415: "The body has a `Content-Encoding` other than gzip or deflate.",
+    429: "Wrong tokens keep coming from this address; the right one is let in at once.",
     500: "A fault of the service.",
     501: "A part of the protocol that this service does not have.",
     503: "It cannot be answered now: not ready, overloaded, or what is stored cannot be used.",

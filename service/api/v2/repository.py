@@ -1,7 +1,7 @@
 """Triton's model repository: what is published, what of it is in memory, and bringing it there or dropping it.
 
 Nothing that is published needs to be loaded first: a request loads what it names. `load` only does so ahead of time,
-`unload` only makes room, so neither needs a permission.
+`unload` only makes room. Both want a token all the same: who unloads without end makes all others wait for loading.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from service.api.v2.wire import Parameters
 from service.twin import RegistryStatus, TwinRegistry
 from service.wire.faults import InvalidInputError, fault
 
+_NOT_LOADABLE = "it cannot be loaded; with a token this says why"
 _NOT_LOADED = "not in memory; a load or the first request brings it there"
 
 
@@ -61,9 +62,9 @@ def reference_of(name: str, version: str | None = None) -> str:
     return f"{name}@{version}"
 
 
-def index_of(store: ModelStore, status: RegistryStatus, ready_only: bool) -> list[IndexEntry]:
+def index_of(store: ModelStore, status: RegistryStatus, ready_only: bool, *, with_reasons: bool) -> list[IndexEntry]:
     """Every published version. Raises what the store raises."""
-    failed = dict(_failed(store, status))
+    failed = {place: reason if with_reasons else _NOT_LOADABLE for place, reason in _failed(store, status)}
     return [
         each for each in _entries(store, frozenset(status.resident), failed) if each.state == "READY" or not ready_only
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Annotated, Any, TypeVar
 
 from fastapi import APIRouter, Path, Request, Response
@@ -10,6 +11,7 @@ from pydantic import BaseModel, Field
 
 import service
 from service.api import health
+from service.api.admin import Admin, AdminRoute
 from service.api.http.exceptions import NotReadyError
 from service.api.http.lanes import LaneRoute
 from service.api.http.openapi import inlined_schema
@@ -32,6 +34,7 @@ from service.api.v2.wire import HEADER_LENGTH, InferenceRequest
 EXTENSIONS = ("binary_tensor_data", "model_repository", "model_configuration", "parameters", "statistics")
 _READ_AT_ONCE = 4096  # bytes of a body that the event loop itself may read
 Body = TypeVar("Body", bound=BaseModel)
+Endpoint = TypeVar("Endpoint", bound=Callable[..., Any])
 
 router = APIRouter(prefix=PREFIX, tags=["inference protocol"], responses=failure_responses(), route_class=Route)
 _OF_MODEL = failure_responses(404, 503)
@@ -101,10 +104,10 @@ async def server_live() -> ServerLive:
     summary="Can the server predict?",
     responses={503: {"model": ServerReady, "description": "Not now; `error` says why."}},
 )
-async def server_ready(services: TheServices, response: Response) -> ServerReady:
+async def server_ready(services: TheServices, request: Request, response: Response) -> ServerReady:
     """Makes a small prediction with the default model; other models are loaded when they are asked for."""
     try:
-        await health.ready(services)
+        await health.ready(services, request)
     except NotReadyError as error:
         response.status_code = 503
         return ServerReady(live=True, ready=False, error=str(error))
@@ -231,34 +234,47 @@ for _path, _endpoint, _summary in (
     responses=failure_responses(400, 413, 503),
 )
 async def repository_index(request: Request, services: TheServices) -> list[IndexEntry]:
-    """One entry for each published version."""
+    """One entry for each published version. Why one cannot be loaded is told to those who send a token."""
     asked = _read(IndexRequest, await request.body())
-    return await services.storage.run(lambda: index_of(services.store, services.registry.status(), asked.ready))
+    known = services.access.is_known(request.scope)
+    return await services.storage.run(
+        lambda: index_of(services.store, services.registry.status(), asked.ready, with_reasons=known)
+    )
 
 
-@router.post(
-    "/repository/models/{name}/load",
-    summary="Load a model",
-    openapi_extra=_body(RepositoryRequest),
-    response_class=Response,
-    responses=failure_responses(400, 404, 413, 501, 503),
-)
-async def load_model(name: Name, request: Request, services: TheServices) -> Response:
-    """Brings the model's champion into memory before the first request."""
+def _admin_route(path: str, summary: str) -> Callable[[Endpoint], Endpoint]:
+    """Declares a route of the repository that changes what is in memory."""
+
+    def declare(endpoint: Endpoint) -> Endpoint:
+        router.add_api_route(
+            path,
+            endpoint,
+            methods=["POST"],
+            summary=summary,
+            route_class_override=AdminRoute,
+            openapi_extra=_body(RepositoryRequest),
+            response_class=Response,
+            responses=failure_responses(400, 401, 403, 404, 413, 429, 501, 503),
+        )
+        return endpoint
+
+    return declare
+
+
+@_admin_route("/repository/models/{name}/load", "Load a model")
+async def load_model(name: Name, request: Request, services: TheServices, _: Admin) -> Response:
+    """Brings the model's champion into memory before the first request. Needs a token of scope admin."""
     require_loadable(_read(RepositoryRequest, await request.body()).parameters)
     await services.twin(reference_of(name))
     return Response()
 
 
-@router.post(
-    "/repository/models/{name}/unload",
-    summary="Unload a model",
-    openapi_extra=_body(RepositoryRequest),
-    response_class=Response,
-    responses=failure_responses(400, 404, 413, 501, 503),
-)
-async def unload_model(name: Name, request: Request, services: TheServices) -> Response:
-    """Drops all versions of the model from memory. A later request loads them again. The default model stays."""
+@_admin_route("/repository/models/{name}/unload", "Unload a model")
+async def unload_model(name: Name, request: Request, services: TheServices, _: Admin) -> Response:
+    """Drops all versions of the model from memory. A later request loads them again. The default model stays.
+
+    Needs a token of scope admin.
+    """
     _read(RepositoryRequest, await request.body())
     reference = reference_of(name)
     default = services.settings.default_model
