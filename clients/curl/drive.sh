@@ -14,7 +14,8 @@ the distance (m) is along the surface, 0 where the rover starts.
   --csv     a table with a row for each time, instead of JSON
   --help    this text
 
-ROVER_TWIN_URL is the service's address, http://127.0.0.1:8000 when not set.
+ROVER_TWIN_URL is the service's address, http://127.0.0.1:8000 when not set. ROVER_TWIN_TOKEN is a token, for a
+service that wants one.
 Exits: 0 answered, 1 refused or failed (the reason on standard error), 2 wrong usage.
 
   drive.sh 430 100 20 0:10 2:10 2.3:20
@@ -73,12 +74,15 @@ for knot; do
 done
 
 answer=$(mktemp)
-trap 'rm -f "$answer"' EXIT
+token=$(mktemp) # a file that others cannot read, for they can read the arguments of a command
+trap 'rm -f "$answer" "$token"' EXIT
 trap 'exit 130' INT
 trap 'exit 143' TERM
 url=${ROVER_TWIN_URL:-http://127.0.0.1:8000}
+[ -z "${ROVER_TWIN_TOKEN:-}" ] || printf '%s' "$ROVER_TWIN_TOKEN" | tr -d '\r\n' | sed 's/[\\"]/\\&/g' |
+    sed 's/.*/header = "Authorization: Bearer &"/' >"$token"
 status=$(printf '{%s, "track": {"distance_m": [%s], "slope_deg": [%s]}}' "$said" "$distances" "$slopes" |
-    curl --silent --show-error --connect-timeout 3 --max-time 60 --output "$answer" --write-out '%{http_code}' \
+    curl --config "$token" --silent --show-error --connect-timeout 3 --max-time 60 --output "$answer" --write-out '%{http_code}' \
         --header 'Content-Type: application/json' --data-binary @- "${url%/}/v1/drives?format=$format") || exit 1
 
 [ "$status" = 200 ] || complain "$(reason "$answer") (HTTP $status)" 1

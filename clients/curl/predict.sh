@@ -13,7 +13,8 @@ torque per wheel in N m, horizon in seconds (by default 10).
   --csv     columns time_s,x_m,y_m in seconds and metres, instead of JSON
   --help    this text
 
-ROVER_TWIN_URL is the service's address, http://127.0.0.1:8000 when not set.
+ROVER_TWIN_URL is the service's address, http://127.0.0.1:8000 when not set. ROVER_TWIN_TOKEN is a token, for a
+service that wants one.
 Exits: 0 answered, 1 refused or failed (the reason on standard error), 2 wrong usage.
 
   predict.sh 28 430 60 10
@@ -55,13 +56,16 @@ fi
 command -v curl >/dev/null || complain "curl is not installed" 1
 
 answer=$(mktemp)
-trap 'rm -f "$answer"' EXIT
+token=$(mktemp) # a file that others cannot read, for they can read the arguments of a command
+trap 'rm -f "$answer" "$token"' EXIT
 trap 'exit 130' INT
 trap 'exit 143' TERM
 url=${ROVER_TWIN_URL:-http://127.0.0.1:8000}
+[ -z "${ROVER_TWIN_TOKEN:-}" ] || printf '%s' "$ROVER_TWIN_TOKEN" | tr -d '\r\n' | sed 's/[\\"]/\\&/g' |
+    sed 's/.*/header = "Authorization: Bearer &"/' >"$token"
 
 # --data-urlencode keeps whatever was typed inside its own parameter.
-status=$(curl --silent --show-error --get --connect-timeout 3 --max-time 60 \
+status=$(curl --config "$token" --silent --show-error --get --connect-timeout 3 --max-time 60 \
     --output "$answer" --write-out '%{http_code}' \
     --data-urlencode "slope_deg=$1" --data-urlencode "mass_kg=$2" --data-urlencode "torque_nm=$3" \
     --data-urlencode "horizon_s=${4:-10}" --data-urlencode "format=$format" \

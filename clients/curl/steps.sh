@@ -9,7 +9,8 @@ usage: steps.sh MASS_KG < STEPS
 Reads lines `SLOPE_DEG TORQUE_NM DT_S` from standard input (`brake` instead of a torque locks the wheels), moves
 one rover of this mass step by step, and writes a line for each: time_s x_m speed_m_s.
 
-ROVER_TWIN_URL is the service's address, http://127.0.0.1:8000 when not set.
+ROVER_TWIN_URL is the service's address, http://127.0.0.1:8000 when not set. ROVER_TWIN_TOKEN is a token, for a
+service that wants one.
 Exits: 0 done, 1 refused or failed (the reason on standard error), 2 wrong usage.
 
   printf '10 100 0.5\n15 100 0.5\n15 brake 0.5\n' | steps.sh 430
@@ -50,10 +51,13 @@ command -v curl >/dev/null || complain "curl is not installed" 1
 require_number "$1" MASS_KG
 
 answer=$(mktemp)
-trap 'rm -f "$answer"' EXIT
+token=$(mktemp) # a file that others cannot read, for they can read the arguments of a command
+trap 'rm -f "$answer" "$token"' EXIT
 trap 'exit 130' INT
 trap 'exit 143' TERM
 url=${ROVER_TWIN_URL:-http://127.0.0.1:8000}
+[ -z "${ROVER_TWIN_TOKEN:-}" ] || printf '%s' "$ROVER_TWIN_TOKEN" | tr -d '\r\n' | sed 's/[\\"]/\\&/g' |
+    sed 's/.*/header = "Authorization: Bearer &"/' >"$token"
 origin="\"start\": {\"mass_kg\": $1}"
 ending=$(printf '\r')
 while read -r slope torque dt || [ -n "$slope" ]; do # the last line may lack its end
@@ -65,7 +69,7 @@ while read -r slope torque dt || [ -n "$slope" ]; do # the last line may lack it
         acts="\"torque_nm\": $torque"
     fi
     status=$(printf '{"rovers": [{"id": "rover", %s, "slope_deg": %s, "dt_s": %s, %s}]}' "$origin" "$slope" "$dt" "$acts" |
-        curl --silent --show-error --connect-timeout 3 --max-time 60 --output "$answer" --write-out '%{http_code}' \
+        curl --config "$token" --silent --show-error --connect-timeout 3 --max-time 60 --output "$answer" --write-out '%{http_code}' \
             --header 'Content-Type: application/json' --data-binary @- "${url%/}/v1/steps") || exit 1
     state=$(member state)
     if [ "$status" != 200 ] || [ -z "$state" ]; then complain "$(reason)" 1; fi

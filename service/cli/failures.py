@@ -9,6 +9,7 @@ from enum import IntEnum
 import typer
 from pydantic import ValidationError
 
+from service.access.token_file import TokenFileError
 from service.cli.output import note
 from service.errors import (
     DatasetInUseError,
@@ -32,9 +33,9 @@ class ExitCode(IntEnum):
 
 
 EXIT_CODES_HELP = (
-    "Exit codes: 0 done; 1 failed; 2 wrong usage or a value that is not allowed; 3 a model, version, alias, dataset or "
-    "job is not there; 4 refused by a check (outside the domain with --strict, dataset rejected) or by the state of a "
-    "job (cancelled, ended); 130 interrupted."
+    "Exit codes: 0 done; 1 failed; 2 wrong usage or a value that is not allowed; 3 a model, version, alias, dataset, "
+    "job or token is not there; 4 refused by a check (outside the domain with --strict, dataset rejected) or by the "
+    "state of a job (cancelled, ended); 130 interrupted."
 )
 
 
@@ -85,7 +86,7 @@ def failure_of(error: Exception) -> Failure:
     return Failure(_one_line(text), ExitCode.FAILED)
 
 
-_WRONG_USAGE = (UsageError, InvalidValueError, IdempotencyKeyError)
+_WRONG_USAGE = (UsageError, InvalidValueError, IdempotencyKeyError, TokenFileError)
 
 
 def _code_of(error: Exception) -> ExitCode | None:

@@ -22,6 +22,7 @@ from service.cli.commands import (
     reproduce,
     serve,
     suggest_runs,
+    tokens,
     train,
     worker,
 )
@@ -77,6 +78,7 @@ app.command("suggest-runs")(suggest_runs.suggest_runs)
 app.add_typer(models.app)
 app.add_typer(datasets.app)
 app.add_typer(jobs.app)
+app.add_typer(tokens.app)
 app.command("openapi")(openapi.openapi)
 
 

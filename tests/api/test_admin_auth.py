@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import httpx
@@ -19,7 +20,9 @@ ROUTES = [
     ("DELETE", "/v1/admin/datasets/abcdef"),
     ("PUT", "/v1/models/viper-lunar/aliases/champion"),
     ("POST", "/v1/models/viper-lunar/aliases/champion/rollback"),
+    ("GET", "/v1/admin/audit"),
 ]
+OF_THE_PROTOCOL = [(f"/v2/repository/models/viper-lunar/{verb}") for verb in ("load", "unload")]
 UNDER_ADMIN = [
     *((method, "/v1/admin/datasets") for method in ("HEAD", "OPTIONS", "PATCH", "TRACE")),
     ("GET", "/v1/admin"),
@@ -64,18 +67,32 @@ def test_without_a_configured_token_everything_is_off_and_says_which_setting(ser
 @pytest.mark.parametrize("sent", WRONG.values(), ids=WRONG.keys())
 def test_without_the_right_token_nothing_is_told(admin, sent):
     del admin.client.headers["Authorization"]
-    seen = set()
+    seen = {}
     for method, path in ROUTES + UNDER_ADMIN:
         answer = admin.client.request(method, path, headers=sent)
-        assert answer.status_code == 401, (method, path)
-        assert answer.headers["www-authenticate"].startswith('Bearer realm="rover-twin"')
+        assert answer.status_code in (401, 429), (method, path)  # a wrong token that keeps coming is told to wait
+        if answer.status_code == 401:
+            assert answer.headers["www-authenticate"].startswith('Bearer realm="rover-twin"')
         assert "allow" not in answer.headers
         if method != "HEAD":
             problem = answer.json()
             problem.pop("instance")
-            seen.add(tuple(sorted(problem.items())))
+            said = re.sub("in [0-9]+ s", "in a while", str(sorted(problem.items())))
+            seen.setdefault(answer.status_code, set()).add(said)
 
-    assert len(seen) == 1  # what is there and what is not looks the same
+    assert [len(each) for each in seen.values()] == [1] * len(seen)  # what is there and what is not looks the same
+
+
+@pytest.mark.parametrize("path", OF_THE_PROTOCOL)
+def test_what_is_in_memory_is_changed_with_a_token_only(admin, service, path):
+    off = service.client.post(path)
+    got_in = admin.client.post(path)
+    del admin.client.headers["Authorization"]
+    without = admin.client.post(path)
+
+    assert (off.status_code, without.status_code, got_in.status_code) == (403, 401, 404)
+    assert list(without.json()) == ["error"]
+    assert without.headers["www-authenticate"].startswith("Bearer")
 
 
 def test_a_wrong_token_is_told_from_a_missing_one_by_the_challenge(admin):
@@ -137,28 +154,16 @@ def test_the_public_side_needs_no_token(admin, path):
     assert admin.client.get(path).status_code == 200
 
 
-@pytest.mark.parametrize("said", ["jane", "jane@rover.example", "Jane D. Oe-2", "x" * 100])
-def test_an_actor_may_name_himself(admin, publish, said):
-    name = f"moved-by-{len(said)}-letters"
-    publish(admin.store, name=name)
-
-    answer = admin.client.put(
-        f"/v1/models/{name}/aliases/champion", json={"version": 1, "reason": "first"}, headers={"X-Actor": said}
-    )
-
-    assert answer.json()["actor"] == f"admin:{said}"
-
-
-@pytest.mark.parametrize("said", [b"", b"x" * 101, "j\u00e4ne".encode(), b"a;b", b"-jane", b"<b>"])
-def test_an_actor_that_no_record_could_show_is_refused(admin, publish, said):
+def test_nobody_names_himself(admin, publish):
     publish(admin.store)
 
     answer = admin.client.put(
-        "/v1/models/viper-lunar/aliases/champion", json={"version": 1, "reason": "first"}, headers={"X-Actor": said}
+        "/v1/models/viper-lunar/aliases/champion", json={"version": 1, "reason": "first"}, headers={"X-Actor": "jane"}
     )
 
     assert answer.status_code == 422
     assert answer.json()["errors"][0]["field"] == "X-Actor"
+    assert "name of the token" in answer.json()["detail"]
     assert admin.store.aliases("viper-lunar") == {}
 
 
@@ -178,4 +183,5 @@ def test_the_contract_says_where_the_token_is_needed():
     assert {path for _, path in secured} >= {path for path in document["paths"] if path.startswith("/v1/admin")}
     assert ("PUT", "/v1/models/{name}/aliases/{alias}") in secured
     assert ("POST", "/v1/models/{name}/aliases/{alias}/rollback") in secured
+    assert ("POST", "/v2/repository/models/{name}/unload") in secured
     assert ("GET", "/v1/models/{name}/aliases/{alias}") not in secured

@@ -17,7 +17,7 @@ def test_ready_proves_itself_by_a_prediction(service):
     same = service.predict(slope_deg=10, horizon_s=1, dt_s=0.5).json()
     assert answer["probe"]["final_x_m"] == same["summary"]["final_x_m"]
     assert answer["probe"]["compute_ms"] > 0
-    assert answer["failures"] == []
+    assert set(answer) == {"status", "model", "probe"}
 
 
 @pytest.mark.slow

@@ -117,3 +117,27 @@ def test_a_file_that_is_not_there_is_named_by_its_variable(monkeypatch):
 
     with pytest.raises(SettingsError, match="ROVER_TWIN_ADMIN_TOKEN_FILE"):
         load_settings()
+
+
+def test_a_token_for_everything_needs_tokens(monkeypatch):
+    monkeypatch.setenv("ROVER_TWIN_REQUIRE_TOKEN", "true")
+
+    with pytest.raises(SettingsError, match="ROVER_TWIN_TOKENS_FILE"):
+        load_settings()
+    monkeypatch.setenv("ROVER_TWIN_TOKENS_FILE", "/run/secrets/tokens")
+    assert load_settings().admin_is_on
+
+
+@pytest.mark.parametrize("said", ['["proxy.example"]', '["10.0.0.1/8"]', "10.0.0.1", "[1]"])
+def test_proxies_are_addresses_and_networks(monkeypatch, said):
+    monkeypatch.setenv("ROVER_TWIN_TRUSTED_PROXIES", said)
+
+    with pytest.raises((SettingsError, Exception), match="TRUSTED_PROXIES|trusted_proxies") as caught:
+        load_settings()
+    assert "\n" not in str(caught.value)
+
+
+def test_proxies_are_a_list(monkeypatch):
+    monkeypatch.setenv("ROVER_TWIN_TRUSTED_PROXIES", '["10.0.0.0/8", "2001:db8::/32"]')
+
+    assert load_settings().trusted_proxies == ("10.0.0.0/8", "2001:db8::/32")

@@ -43,6 +43,8 @@ NAMED = [
     ("job-not-found", 404, NotFoundError),
     ("unauthorized", 401, NotAllowedError),
     ("admin-off", 403, NotAllowedError),
+    ("insufficient-scope", 403, NotAllowedError),
+    ("too-many-attempts", 429, NotAllowedError),
     ("dataset-rejected", 422, DatasetRejectedError),
     ("idempotency-key-reused", 422, InvalidInputError),
     ("dataset-in-use", 409, ConflictError),

@@ -8,6 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.api.conftest import ADMIN, TOKEN
+
+ASKED = {"admin_token": TOKEN, "start_worker": False, "refresh_s": 0.1}
+
 
 def version_folder(store, version):
     return Path(store.location) / "models" / "viper-lunar" / "versions" / str(version)
@@ -88,8 +92,9 @@ def test_a_damaged_version_is_a_problem_of_its_own(serve, store, publish, move, 
 def test_a_champion_that_turns_out_damaged_leaves_the_old_one_serving(serve, store, publish, move, name):
     damage, _, word = DAMAGES[name]
     move(store, publish(store))
-    service = serve(refresh_s=0.1)
+    service = serve(**ASKED)
     service.wait_ready()
+    service.client.headers.update(ADMIN)
     version = publish(store)
     damage(version_folder(store, version))
     move(store, version)
@@ -105,11 +110,14 @@ def test_a_champion_that_turns_out_damaged_leaves_the_old_one_serving(serve, sto
 
 @pytest.mark.slow
 def test_an_empty_store_is_alive_not_ready_and_heals(serve, store, publish, move):
-    service = serve(refresh_s=0.1)
+    service = serve(**ASKED)
 
     assert service.get("/health/live").json() == {"status": "alive"}
+    stranger = service.get("/health/ready")
+    service.client.headers.update(ADMIN)
     refused = service.get("/health/ready")
-    assert refused.status_code == 503
+    assert stranger.status_code == refused.status_code == 503
+    assert "publish" not in stranger.text
     assert refused.json()["type"] == "urn:rover-twin:problem:not-ready"
     assert "publish a version first" in refused.json()["detail"]
     assert service.predict().json()["type"] == "urn:rover-twin:problem:model-not-found"
@@ -125,9 +133,12 @@ def test_an_empty_store_is_alive_not_ready_and_heals(serve, store, publish, move
 def test_a_broken_default_is_alive_not_ready_and_heals(serve, store, publish, move):
     move(store, publish(store))
     truncate_weights(version_folder(store, 1))
-    service = serve(refresh_s=0.1)
+    service = serve(**ASKED)
 
     assert service.get("/health/live").status_code == 200
+    assert "truncated" not in service.get("/health/ready").text + service.get("/v2/health/ready").text
+    service.client.headers.update(ADMIN)
+    assert "truncated" in service.get("/v2/health/ready").json()["error"]
     assert "truncated" in service.get("/health/ready").json()["detail"]
     assert service.predict().json()["type"] == "urn:rover-twin:problem:artefact-corrupt"
 

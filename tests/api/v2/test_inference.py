@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from tritonclient.utils import InferenceServerException, triton_to_np_dtype
 
 from service.settings import LIMITS
+from tests.api.conftest import ADMIN, TOKEN
 
 SCENARIO = ("slope_deg", "mass_kg", "torque_nm")
 LIMIT_OF = {
@@ -386,7 +387,7 @@ def test_statistics_count_what_was_asked(publish, move, serve, store):
 def test_the_repository_shows_what_is_in_memory(publish, move, serve, store):
     move(store, publish(store))
     move(store, publish(store, "other"), name="other")
-    running = serve()
+    running = serve(admin_token=TOKEN, start_worker=False)
     running.wait_ready()
     with triton.InferenceServerClient(running.url.removeprefix("http://")) as client:
 
@@ -394,15 +395,15 @@ def test_the_repository_shows_what_is_in_memory(publish, move, serve, store):
             return {each["name"]: each["state"] for each in client.get_model_repository_index()}
 
         assert states() == {"viper-lunar": "READY", "other": "UNAVAILABLE"}
-        client.load_model("other")
+        client.load_model("other", headers=ADMIN)
         assert states() == {"viper-lunar": "READY", "other": "READY"}
-        refused = refusal(lambda: client.unload_model("viper-lunar"))
+        refused = refusal(lambda: client.unload_model("viper-lunar", headers=ADMIN))
         assert (refused.status(), "default" in refused.message()) == ("400", True)
-        assert refusal(lambda: client.load_model("nobody")).status() == "404"
-        assert refusal(lambda: client.unload_model("nobody")).status() == "404"
-        assert refusal(lambda: client.load_model("other", config="{}")).status() == "501"
+        assert refusal(lambda: client.load_model("nobody", headers=ADMIN)).status() == "404"
+        assert refusal(lambda: client.unload_model("nobody", headers=ADMIN)).status() == "404"
+        assert refusal(lambda: client.load_model("other", headers=ADMIN, config="{}")).status() == "501"
         assert client.is_model_ready("viper-lunar")
-        client.unload_model("other")
+        client.unload_model("other", headers=ADMIN)
         assert states() == {"viper-lunar": "READY", "other": "UNAVAILABLE"}
         assert client.is_model_ready("other"), "asking loads it again"
         assert states()["other"] == "READY"

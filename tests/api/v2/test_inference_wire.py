@@ -254,9 +254,9 @@ def test_other_addresses_keep_their_problems(banded, path):
 
 
 @pytest.mark.parametrize("path", ["index", "models/viper-lunar/load", "models/other/unload"])
-def test_bodies_of_the_repository_are_checked(banded, path):
+def test_bodies_of_the_repository_are_checked(service_with_token, path):
     for content in (b"{", b"[]", b'{"ready": 1, "parameters": 7}'):
-        failed(banded.client.post(f"/v2/repository/{path}", content=content))
+        failed(service_with_token.client.post(f"/v2/repository/{path}", content=content))
 
 
 @pytest.mark.slow

@@ -24,9 +24,9 @@ NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,62}")
 class Call(Generic[Answer]):
     """One request to `path` below the base address, and `parse`, which reads the answer.
 
-    `retried` allows the client to send it again. `json` or `form` is its body. `token` means that it needs the token.
-    `read_s` is how long the answer may take, in seconds, when that is longer than usual. An answer succeeds with one of
-    `statuses`, and its body is JSON unless `is_document` is false.
+    `retried` allows the client to send it again. `json` or `form` is its body. `read_s` is how long the
+    answer may take, in seconds, when that is longer than usual. An answer succeeds with one of `statuses`, and its body
+    is JSON unless `is_document` is false.
     """
 
     path: str
@@ -37,7 +37,6 @@ class Call(Generic[Answer]):
     headers: Mapping[str, str] = field(default_factory=dict)
     json: Mapping[str, Any] | None = None
     form: Mapping[str, str] | None = None
-    token: bool = False
     statuses: tuple[int, ...] = (200,)
     read_s: float | None = None
     is_document: bool = True

@@ -8,7 +8,7 @@
     │   ├── InvalidInputError     422: a value is out of range or of the wrong kind (also ValueError)
     │   │   ├── OutsideDomainError    the model was not validated there, and strict=True
     │   │   └── DatasetRejectedError  an upload was refused: `report` says why
-    │   ├── NotAllowedError       401, 403: the token is missing or wrong, or the service has none (PermissionError)
+    │   ├── NotAllowedError       401, 403: the token is missing, wrong, or may only read (PermissionError)
     │   ├── NotFoundError         404: no such model, version, alias, dataset, job or address (also LookupError)
     │   ├── ConflictError         409, 412, 428: the resource is in use, has ended, or has moved
     │   └── QueueFullError        429: too many jobs wait (`retry_after_s`)
@@ -109,7 +109,10 @@ class DatasetRejectedError(InvalidInputError):
 
 
 class NotAllowedError(RefusedError, PermissionError):
-    """The token is missing or wrong, or the service was started without one."""
+    """The token is missing or wrong, may only read, or the service was started without any.
+
+    Wrong ones that keep coming are told to wait (429); the right one never has to.
+    """
 
 
 class NotFoundError(RefusedError, LookupError):

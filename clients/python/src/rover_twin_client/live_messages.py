@@ -16,6 +16,7 @@ from rover_twin_client.responses import failure
 CONNECT_S = 3.0
 ANSWER_S = 30.0
 LARGEST_BYTES = 32 << 20
+_TOKENS = (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN, HTTPStatus.TOO_MANY_REQUESTS)  # what is wrong with them
 
 
 def address(base_url: httpx.URL, path: str) -> str:
@@ -53,6 +54,8 @@ def broken(url: str, fault: Exception) -> RoverTwinError:
     """The error for a connection that failed, was refused or closed, or did not answer in time."""
     if isinstance(fault, TimeoutError):
         return TimedOutError(f"{url} did not answer in time")
+    if isinstance(fault, InvalidStatus) and fault.response.status_code in _TOKENS:
+        return failure(fault.response.status_code, fault.response.headers, bytes(fault.response.body or b""))
     if isinstance(fault, InvalidStatus) and fault.response.status_code < HTTPStatus.INTERNAL_SERVER_ERROR:
         said = f"HTTP {fault.response.status_code}"  # another try would be refused as well
         return UnexpectedAnswerError(f"{url} takes no WebSockets ({said}): is this a rover-twin service?")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
@@ -34,7 +33,6 @@ DEFAULT_TIMEOUT = httpx.Timeout(connect=3.0, read=30.0, write=10.0, pool=10.0)
 DEFAULT_RETRIES = 2
 RESTART_S = 5.0  # how long live steps try: a service that restarts answers after about two seconds
 LONGEST_WAIT_S = 10.0  # when the service asks for a longer wait, the call fails at once
-ACTOR = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._@+-]{0,99}")
 HEADERS = {"Accept": "application/json", "User-Agent": "rover-twin-client"}
 Retries = TypeVar("Retries", bound=BaseRetrying)  # tenacity's Retrying or AsyncRetrying
 
@@ -62,24 +60,14 @@ def checked_token(token: str | None) -> dict[str, str]:
     if token is None:
         return {}
     if not isinstance(token, str) or not token.isascii() or not token.isprintable() or not token.strip():
-        raise ValueError("token must be visible ASCII characters: the ROVER_TWIN_ADMIN_TOKEN of the service")
+        raise ValueError("token must be visible ASCII characters: one that the operator gave you")
     return {"Authorization": f"Bearer {token.strip()}"}
-
-
-def checked_actor(actor: str | None) -> dict[str, str]:
-    """The header that names the caller in the service's records; raises ValueError for a name that it refuses."""
-    if actor is None:
-        return {}
-    if not isinstance(actor, str) or not ACTOR.fullmatch(actor):
-        allowed = "1 to 100 of A-Z a-z 0-9 space . _ @ + -, starting with a letter or digit"
-        raise ValueError(f"actor is {actor!r}, allowed is {allowed}")
-    return {"X-Actor": actor}
 
 
 def request_of(
     http: httpx.Client | httpx.AsyncClient, call: Call[Any], files: dict[str, Any] | None, credentials: dict[str, str]
 ) -> httpx.Request:
-    """The HTTP request of a call; it carries `credentials` only when the call needs them."""
+    """The HTTP request of a call; it carries `credentials`, since a service may want them with every one."""
     return http.build_request(
         call.method,
         call.path,
@@ -87,7 +75,7 @@ def request_of(
         json=call.json,
         data=call.form,
         files=files,
-        headers={**call.headers, **(credentials if call.token else {})},
+        headers={**call.headers, **credentials},
         timeout=patient(http.timeout, call.read_s or 0.0),
     )
 

@@ -64,7 +64,7 @@ def failure(status: int, headers: Mapping[str, str], content: bytes) -> RoverTwi
         return ServerError(message, problem)
     if status == HTTPStatus.NOT_FOUND:
         return NotFoundError(message, problem)
-    if status in (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN):
+    if status in (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN) or problem.slug == "too-many-attempts":
         return NotAllowedError(message, problem)
     if status in _CONFLICTS:
         return ConflictError(message, problem)

@@ -18,8 +18,9 @@ from rover_twin_client.live_messages import ANSWER_S, CONNECT_S, LARGEST_BYTES, 
 class AsyncSocket:
     """Opens with the first message and again after it broke."""
 
-    def __init__(self, base_url: httpx.URL, path: str) -> None:
+    def __init__(self, base_url: httpx.URL, path: str, credentials: dict[str, str]) -> None:
         self._url = address(base_url, path)
+        self._credentials = credentials
         self._connection: ClientConnection | None = None
         self._opened = AsyncExitStack()
 
@@ -37,8 +38,9 @@ class AsyncSocket:
         try:
             if self._connection is None:
                 opening = connect(
-                    self._url, open_timeout=CONNECT_S, max_size=LARGEST_BYTES, compression=None, close_timeout=1
-                )
+                    self._url, open_timeout=CONNECT_S, max_size=LARGEST_BYTES, compression=None, close_timeout=1,
+                    additional_headers=self._credentials,
+                )  # fmt: skip
                 self._connection = await self._opened.enter_async_context(opening)
             async with asyncio.timeout(ANSWER_S):
                 await self._connection.send(packed(message))

@@ -17,8 +17,9 @@ from rover_twin_client.live_messages import ANSWER_S, CONNECT_S, LARGEST_BYTES, 
 class Socket:
     """Opens with the first message and again after it broke."""
 
-    def __init__(self, base_url: httpx.URL, path: str) -> None:
+    def __init__(self, base_url: httpx.URL, path: str, credentials: dict[str, str]) -> None:
         self._url = address(base_url, path)
+        self._credentials = credentials
         self._connection: ClientConnection | None = None
         self._opened = ExitStack()
 
@@ -36,8 +37,9 @@ class Socket:
         try:
             if self._connection is None:
                 opening = connect(
-                    self._url, open_timeout=CONNECT_S, max_size=LARGEST_BYTES, compression=None, close_timeout=1
-                )
+                    self._url, open_timeout=CONNECT_S, max_size=LARGEST_BYTES, compression=None, close_timeout=1,
+                    additional_headers=self._credentials,
+                )  # fmt: skip
                 self._connection = self._opened.enter_context(opening)
             self._connection.send(packed(message))
             while not is_answer(answer := read(self._connection.recv(timeout=ANSWER_S))):

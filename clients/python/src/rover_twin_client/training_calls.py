@@ -24,7 +24,6 @@ def upload(fields: Mapping[str, str], *, retried: bool) -> Call[Upload]:
     """POST /v1/admin/datasets. Harmless to repeat: the same content is the same dataset."""
     return Call(
         DATASETS, parsing.upload, method="POST", form=fields, statuses=(200, 201), read_s=UPLOAD_S, retried=retried,
-        token=True,
     )  # fmt: skip
 
 
@@ -55,30 +54,30 @@ def upload_fields(
 
 def datasets(after: str | None) -> Call[tuple[list[DatasetInfo], bool]]:
     """GET /v1/admin/datasets: one page."""
-    return Call(DATASETS, parsing.datasets, {"limit": str(PAGE), **said(after=after)}, token=True)
+    return Call(DATASETS, parsing.datasets, {"limit": str(PAGE), **said(after=after)})
 
 
 def dataset(reference: str) -> Call[Dataset]:
     """GET /v1/admin/datasets/{dataset}."""
-    return Call(_path(DATASETS, "dataset", reference), parsing.dataset, token=True)
+    return Call(_path(DATASETS, "dataset", reference), parsing.dataset)
 
 
 def preview(reference: str, form: str) -> Call[bytes]:
     """GET /v1/admin/datasets/{dataset}/preview."""
     path = f"{_path(DATASETS, 'dataset', reference)}/preview"
-    return Call(path, parsing.content, {"format": form}, is_document=False, token=True)
+    return Call(path, parsing.content, {"format": form}, is_document=False)
 
 
 def download(reference: str) -> Call[bytes]:
     """GET /v1/admin/datasets/{dataset}/download. The clients write its body to a file while they receive it."""
     path = f"{_path(DATASETS, 'dataset', reference)}/download"
-    return Call(path, parsing.content, is_document=False, token=True)
+    return Call(path, parsing.content, is_document=False)
 
 
 def delete_dataset(identity: str) -> Call[None]:
     """DELETE /v1/admin/datasets/{id}."""
     path = _path(DATASETS, "dataset", identity)
-    return Call(path, parsing.nothing, method="DELETE", statuses=(204,), retried=False, token=True)
+    return Call(path, parsing.nothing, method="DELETE", statuses=(204,), retried=False)
 
 
 def start(request: Mapping[str, Any], key: str) -> Call[TrainingJob]:
@@ -86,7 +85,7 @@ def start(request: Mapping[str, Any], key: str) -> Call[TrainingJob]:
     if not isinstance(key, str) or not _KEY.fullmatch(key):
         raise refused("idempotency_key", key, "1 to 255 visible ASCII characters without quotes and backslashes")
     headers = {"Idempotency-Key": f'"{key}"'}
-    return Call(JOBS, parsing.job, method="POST", json=request, headers=headers, statuses=(202,), token=True)
+    return Call(JOBS, parsing.job, method="POST", json=request, headers=headers, statuses=(202,))
 
 
 def job_request(
@@ -122,19 +121,19 @@ def job_request(
 
 def job(job_id: str) -> Call[TrainingJob]:
     """GET /v1/admin/training-jobs/{id}."""
-    return Call(_path(JOBS, "job_id", job_id), parsing.job, token=True)
+    return Call(_path(JOBS, "job_id", job_id), parsing.job)
 
 
 def jobs(*, state: str | None, model: str | None, limit: int, before: str | None) -> Call[list[TrainingJob]]:
     """GET /v1/admin/training-jobs: one page, newest first."""
     query = {"limit": whole("limit", limit), **said(state=state, model=model, before=before)}
-    return Call(JOBS, parsing.jobs, query, token=True)
+    return Call(JOBS, parsing.jobs, query)
 
 
 def cancel(job_id: str) -> Call[TrainingJob]:
     """POST /v1/admin/training-jobs/{id}/cancel."""
     path = f"{_path(JOBS, 'job_id', job_id)}/cancel"
-    return Call(path, parsing.job, method="POST", statuses=(202,), retried=False, token=True)
+    return Call(path, parsing.job, method="POST", statuses=(202,), retried=False)
 
 
 def events_path(job_id: str) -> str:
@@ -157,16 +156,15 @@ def move_alias(name: str, alias: str, version: int, reason: str, expected: Alias
     body = {"version": int(whole("version", version)), "reason": reason}
     path = _alias_path(name, alias)
     return Call(
-        path, parsing.alias, method="PUT", json=body, headers=_condition(expected), statuses=(200, 201), retried=False,
-        token=True,
-    )  # fmt: skip
+        path, parsing.alias, method="PUT", json=body, headers=_condition(expected), statuses=(200, 201), retried=False
+    )
 
 
 def rollback_alias(name: str, alias: str, reason: str, expected: Alias | str | None) -> Call[Alias]:
     """POST /v1/models/{name}/aliases/{alias}/rollback."""
     path = f"{_alias_path(name, alias)}/rollback"
     headers = _condition(expected)
-    return Call(path, parsing.alias, method="POST", json={"reason": reason}, headers=headers, retried=False, token=True)
+    return Call(path, parsing.alias, method="POST", json={"reason": reason}, headers=headers, retried=False)
 
 
 def _condition(expected: Alias | str | None) -> dict[str, str]:

@@ -19,7 +19,6 @@ from rover_twin_client.network import (
     DEFAULT_TIMEOUT,
     DEFAULT_URL,
     HEADERS,
-    checked_actor,
     checked_retries,
     checked_token,
     checked_url,
@@ -35,8 +34,8 @@ from rover_twin_client.training import JobEvent
 class AsyncConnection:
     """Connects to one rover-twin service. Use it from one event loop. Close it, or use it in `async with`.
 
-    `token` is the operator's token, which the service has as `ROVER_TWIN_ADMIN_TOKEN`. Only calls that need it send it.
-    `actor` is the caller's name in the service's records; the service does not verify it.
+    `token` is one that the operator of the service gave you; every call sends it. Datasets, training jobs and aliases
+    need it, all else where the service was started so. Its name is the `actor` in the service's records.
 
     `timeout` limits connecting, sending and reading, in seconds each; an `httpx.Timeout` sets them one by one.
     `retries` (0 to 10) is how many more times a call is tried, when the connection breaks or the service answers 503
@@ -50,14 +49,13 @@ class AsyncConnection:
         base_url: str = DEFAULT_URL,
         *,
         token: str | None = None,
-        actor: str | None = None,
         timeout: float | httpx.Timeout = DEFAULT_TIMEOUT,
         retries: int = DEFAULT_RETRIES,
         transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
         self._url = checked_url(base_url)
         self._retries = checked_retries(retries)
-        self._credentials = checked_token(token) | checked_actor(actor)
+        self._credentials = checked_token(token)
         self._http = httpx.AsyncClient(base_url=self._url, headers=HEADERS, timeout=timeout, transport=transport)
 
     async def aclose(self) -> None:

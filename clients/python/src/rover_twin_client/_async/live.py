@@ -29,7 +29,9 @@ class AsyncLive:
             raise ValueError(f"transport is {transport!r}, allowed is 'websocket' or 'http'")
         self._connection = connection
         self._rovers = Rovers(model)
-        self._socket = AsyncSocket(connection._url, LIVE_PATH) if transport == "websocket" else None
+        self._socket = (
+            AsyncSocket(connection._url, LIVE_PATH, connection._credentials) if transport == "websocket" else None
+        )
         self._known: set[str] = set()  # to the other end of the present WebSocket
         self._turn = AsyncLock()
         self._tries = bridging(AsyncRetrying, connection._retries)

@@ -28,7 +28,9 @@ from rover_twin_client.training import (
 
 
 class AsyncTrainingClient(AsyncConnection):
-    """Datasets, training jobs and aliases. Every call needs `token`, except the two that read an alias.
+    """Datasets, training jobs and aliases. Every call needs `token`, of scope admin where it changes something.
+
+    The two that read an alias need none.
 
     A call without the token, or with a wrong one, raises NotAllowedError.
     """
@@ -222,6 +224,7 @@ class AsyncTrainingClient(AsyncConnection):
     ) -> Alias:
         """Undoes the last move of an alias; a second rollback goes one version further back.
 
-        Raises ConflictError when there is no version to go back to, or when the alias is not what was `expected`.
+        `expected` is as for `move_alias`: the alias as the caller last read it, its `etag`, or `"*"`. Raises
+        ConflictError when there is no version to go back to, when the alias is not what was `expected`, and without it.
         """
         return await self._answer(calls.rollback_alias(name, alias, reason, expected))

@@ -30,7 +30,7 @@ class Live:
             raise ValueError(f"transport is {transport!r}, allowed is 'websocket' or 'http'")
         self._connection = connection
         self._rovers = Rovers(model)
-        self._socket = Socket(connection._url, LIVE_PATH) if transport == "websocket" else None
+        self._socket = Socket(connection._url, LIVE_PATH, connection._credentials) if transport == "websocket" else None
         self._known: set[str] = set()  # to the other end of the present WebSocket
         self._turn = Lock()
         self._tries = bridging(Retrying, connection._retries)
