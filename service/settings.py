@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import importlib.util
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Annotated, Any, Literal
 import platformdirs
 from pydantic import AfterValidator, Field, SecretStr, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic_settings import SettingsError as UnreadableError
 
 from model_store import parse_reference
 from service.access.addresses import networks
@@ -233,6 +235,10 @@ def load_settings(**overrides: Any) -> Settings:  # noqa: ANN401 - whatever the 
         settings = Settings(**given)
     except ValidationError as error:
         raise SettingsError(_reason(error, given)) from None
+    except UnreadableError as error:  # a list that is no JSON
+        field = re.search(r'field "(\w+)"', str(error))
+        name = f"{PREFIX}{field[1].upper()}" if field else "a setting"
+        raise SettingsError(f'{name} cannot be read, allowed is a JSON list such as ["a", "b"]') from None
     if settings.require_token and not settings.admin_is_on:
         raise SettingsError(f"{PREFIX}REQUIRE_TOKEN is true, and there is no token: set {PREFIX}TOKENS_FILE too")
     return settings

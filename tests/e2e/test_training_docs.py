@@ -199,7 +199,7 @@ def _require_answers(told: list[tuple[str, str]], made: Path) -> None:
     assert "viper-lunar@candidate is version 6" in printed("/logs$")
 
     moved, back = answer("-X PUT "), answer("/rollback$")
-    assert (moved["version"], moved["actor"], back["version"]) == (6, "admin:ada", 5)
+    assert (moved["version"], moved["actor"], back["version"]) == (6, "admin", 5)
     assert answer("/v1/predictions")["model"]["version"] == 6
     assert [move["version"] for move in answer("/history$")["history"]] == [5, 6, 5, 4, 3, 2, 1]
     assert answer("/cancel$")["state"] == "cancelled"

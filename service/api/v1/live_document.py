@@ -26,7 +26,8 @@ Rovers end with the connection, so ask for states (`include: [state]`) as often 
 
 Bounded: {MAX_MESSAGE_BYTES >> 20} MiB for a message; and, unless the operator set other limits, 1000 rovers for a
 connection and 256 connections for a server process; the next one is refused with a 503 and `Retry-After`. A client may
-send on before it has its answer; at most two messages are read ahead.
+send on before it has its answer; at most two messages are read ahead. A service that requires tokens answers the
+handshake with 401 unless it has `Authorization: Bearer <token>`.
 
 Close codes: {GOING_AWAY} the server ends (after `parting`); {IDLE} no message came for 300 s (after `parting`);
 {SLOW} an answer was not taken for 5 s (full buffers may swallow this code); 1009 the message was too long; 1011 no
