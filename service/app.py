@@ -68,7 +68,7 @@ from service.jobs.supervisor import WorkerSupervisor
 from service.log import configure_logging
 from service.memory import give_back, limit_arenas
 from service.processes import run_processes
-from service.settings import Settings
+from service.settings import Settings, require_tokens
 from service.twin import Twin, TwinRegistry
 
 _STORAGE_THREADS = 16
@@ -272,9 +272,10 @@ class Server(uvicorn.Server):
 def run_server(settings: Settings) -> None:
     """Serve until a signal comes; running requests then get `shutdown_grace_s` to finish.
 
-    Raises what `create_app` raises, and SystemExit when the address cannot be listened on.
+    Raises what `create_app` and `require_tokens` raise, and SystemExit when the address cannot be listened on.
     """
     child.reset_signals()
+    require_tokens(settings)
     if settings.workers > 1:
         run_processes(settings)
     else:

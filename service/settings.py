@@ -232,16 +232,19 @@ def load_settings(**overrides: Any) -> Settings:  # noqa: ANN401 - whatever the 
     _require_known_variables()
     given |= _from_files(given)
     try:
-        settings = Settings(**given)
+        return Settings(**given)
     except ValidationError as error:
         raise SettingsError(_reason(error, given)) from None
     except UnreadableError as error:  # a list that is no JSON
         field = re.search(r'field "(\w+)"', str(error))
         name = f"{PREFIX}{field[1].upper()}" if field else "a setting"
         raise SettingsError(f'{name} cannot be read, allowed is a JSON list such as ["a", "b"]') from None
+
+
+def require_tokens(settings: Settings) -> None:
+    """Raises SettingsError where nobody could ever be let in."""
     if settings.require_token and not settings.admin_is_on:
         raise SettingsError(f"{PREFIX}REQUIRE_TOKEN is true, and there is no token: set {PREFIX}TOKENS_FILE too")
-    return settings
 
 
 def _from_files(known: Mapping[str, Any]) -> dict[str, str]:

@@ -12,7 +12,8 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
 NAMED = re.compile(r"`(tests/[\w/]+\.py)::(\w+)`")
 _FORBIDDEN = re.compile(
-    r"\bimport (?:pickle|marshal|shelve|dill|joblib)\b|\bfrom pickle\b|allow_pickle=True|(?<!safetensors\.)torch\.load\(|"
+    r"\bimport (?:pickle|marshal|shelve|dill|joblib)\b|\bfrom pickle\b|allow_pickle=True|"
+    r"(?<!safetensors\.)torch\.load\(|"
     r"\byaml\.(?:unsafe_)?load\(|(?<![\w.])(?:eval|exec)\("
 )
 

@@ -102,7 +102,7 @@ def _place(file: Path | None) -> Path:
     """Raises UsageError when nobody says which file."""
     from service.settings import load_settings
 
-    place = file or load_settings(require_token=False).tokens_file
+    place = file or load_settings().tokens_file
     if place is None:
         raise UsageError("say which file of tokens: --file PATH, or ROVER_TWIN_TOKENS_FILE")
     return place

@@ -23,5 +23,6 @@ def test_each_request_is_one_json_line(store, publish, move, question, own_proce
     first = next(line for line in requests if line["request_id"] == "asked-1")
     assert (first["method"], first["route"], first["status"]) == ("GET", "/v1/predictions", 200)
     assert first["duration_ms"] > 0
+    assert {line["client"] for line in requests} == {"127.0.0.1"}
     assert [(line["route"], line["status"]) for line in requests[1:]] == [("/v1/models/{name}", 404), ("no route", 404)]
     assert "secret" not in "".join(json.dumps(line) for line in requests)

@@ -227,7 +227,10 @@ class ModelInfo:
 
 @dataclass(frozen=True, slots=True)
 class Readiness:
-    """The service can predict. `model` is the version that answers by default, `failures` what it could not load."""
+    """The service can predict. `model` is the version that answers by default, `failures` what it could not load.
+
+    A service tells failures to clients with a token only.
+    """
 
     model: ModelIdentity
     failures: tuple[object, ...]
