@@ -3,7 +3,8 @@
     models/<name>/versions/<n>/{weights.safetensors, report/*, manifest.json}
     models/<name>/aliases/<alias>/<seq>.json
     models/<name>/once/<key>.json
-    datasets/<sha256>/{..., dataset.json}
+    models/<name>/lifecycle/<seq>.json
+    datasets/<sha256>/{..., dataset.json, names/<name>}
     jobs/<job id>/<file>
 
 Every function that builds a path checks its parts first, so nothing from outside can point beyond its place.
@@ -111,6 +112,21 @@ def alias_prefix(name: str, alias: str) -> str:
 def alias_record(name: str, alias: str, seq: int) -> str:
     """The path of one alias record."""
     return f"{alias_prefix(name, alias)}/{seq:08d}.json"
+
+
+def lifecycle_prefix(name: str) -> str:
+    """Where it is kept what became of the versions of a model."""
+    return f"{MODELS_ROOT}/{check_name(name)}/lifecycle"
+
+
+def lifecycle_record(name: str, seq: int) -> str:
+    """The path of one record of that."""
+    return f"{lifecycle_prefix(name)}/{seq:08d}.json"
+
+
+def goes_with_deletion(file: str) -> bool:
+    """Whether a file of a version goes when the version is deleted: what predicts does, what tells of it stays."""
+    return file.endswith(".safetensors")
 
 
 def check_job_id(job: str) -> str:
