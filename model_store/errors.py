@@ -73,11 +73,11 @@ class ConflictError(StoreError):
 
 
 class VersionInUseError(ConflictError):
-    """A version cannot be archived or deleted: `aliases` name it."""
+    """A version cannot be archived or deleted: `aliases` name it, or it is what a service answers with by default."""
 
     def __init__(self, name: str, version: int, aliases: Sequence[str]) -> None:
         self.aliases = list(aliases)
-        named = ", ".join(self.aliases)
+        named = ", ".join(self.aliases) or "the setting of the default model"
         super().__init__(f"{name}@{version} is named by {named}: point that elsewhere first")
 
 

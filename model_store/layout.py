@@ -20,6 +20,7 @@ from model_store.errors import InvalidReferenceError
 WEIGHTS = "weights.safetensors"
 MANIFEST = "manifest.json"
 DATASET = "dataset.json"
+NAMES = "names"
 MODELS_ROOT = "models"
 DATASETS_ROOT = "datasets"
 WORK_ROOT = "jobs"
@@ -150,6 +151,11 @@ def dataset_prefix(dataset_id: str) -> str:
     return f"{DATASETS_ROOT}/{check_dataset_id(dataset_id)}"
 
 
+def dataset_name(dataset_id: str, name: str) -> str:
+    """The path of the record that a dataset has this name too."""
+    return f"{dataset_prefix(dataset_id)}/{NAMES}/{check_dataset_name(name)}"
+
+
 def version_number(text: str) -> int | None:
     """The version a path segment or reference part names, or None when it is none (`03`, `latest`, `1#2`)."""
     return int(text) if _VERSION.fullmatch(text) else None
@@ -174,6 +180,11 @@ def is_alias(text: str) -> bool:
 def is_job_id(text: str) -> bool:
     """Whether the text is a well-formed job id."""
     return _JOB_ID.fullmatch(text) is not None
+
+
+def is_dataset_name(text: str) -> bool:
+    """Whether the text is a well-formed name of a dataset."""
+    return _DATASET_NAME.fullmatch(text) is not None
 
 
 def is_dataset_id(text: str) -> bool:

@@ -79,6 +79,15 @@ class DatasetDraft(BaseModel):
     source: JsonObjectDraft = Field(default_factory=dict)
 
 
+class DatasetName(Document):
+    """Another name of a dataset, given to it by somebody who put the same content again."""
+
+    format: str = "rover-twin-dataset-name"
+    name: Annotated[str, AfterValidator(check_dataset_name)]
+    created_at: Moment
+    created_by: Actor
+
+
 class DatasetRecord(Document):
     """One published dataset. Immutable; unknown fields are kept; `files` maps name to digest and size."""
 

@@ -7,7 +7,7 @@ from typing import Literal
 from model_store import layout
 from model_store.aliases import Aliases
 from model_store.backend import Backend
-from model_store.errors import VersionDeletedError, VersionInUseError
+from model_store.errors import ConflictError, VersionDeletedError, VersionInUseError
 from model_store.lifecycle import Lifecycle
 from model_store.records import LifecycleRecord, Retired
 from model_store.versions import Versions
@@ -22,15 +22,18 @@ class Retirement:
         self._aliases = aliases
         self._lifecycle = lifecycle
 
-    def archive(self, name: str, version: int, *, actor: str, reason: str) -> LifecycleRecord:
+    def archive(self, name: str, version: int, *, actor: str, reason: str, expected_seq: int | None) -> LifecycleRecord:
         """The record that says so, an earlier one where it is archived already."""
-        return self._retire(name, version, "archived", actor, reason)
+        return self._retire(name, version, "archived", actor, reason, expected_seq)
 
-    def restore(self, name: str, version: int, *, actor: str, reason: str) -> LifecycleRecord | None:
+    def restore(
+        self, name: str, version: int, *, actor: str, reason: str, expected_seq: int | None
+    ) -> LifecycleRecord | None:
         """The record that says so; None where it was not archived."""
         self._versions.require(name, version)
         for newest in self._lifecycle.looks(name):
             found = _of(newest, version)
+            _check_expected(name, version, found, expected_seq)
             if found is None:
                 return None
             if found.state == "deleted":
@@ -39,20 +42,27 @@ class Retirement:
                 return record
         return None  # not reached: `looks` raises
 
-    def delete(self, name: str, version: int, *, actor: str, reason: str) -> LifecycleRecord:
+    def delete(self, name: str, version: int, *, actor: str, reason: str, expected_seq: int | None) -> LifecycleRecord:
         """First the record, so that nobody predicts with it any more, then the files; again finishes what was begun."""
-        record = self._retire(name, version, "deleted", actor, reason)
+        record = self._retire(name, version, "deleted", actor, reason, expected_seq)
         for file in self._versions.manifest(name, version).files:
             if layout.goes_with_deletion(file):
                 self._backend.remove(f"{layout.version_prefix(name, version)}/{file}")
         return record
 
     def _retire(
-        self, name: str, version: int, state: Literal["archived", "deleted"], actor: str, reason: str
+        self,
+        name: str,
+        version: int,
+        state: Literal["archived", "deleted"],
+        actor: str,
+        reason: str,
+        expected_seq: int | None,
     ) -> LifecycleRecord:
         self._versions.require(name, version)
         for newest in self._lifecycle.looks(name):
             found = _of(newest, version)
+            _check_expected(name, version, found, expected_seq)
             if found is not None and found.state == state:
                 return self._lifecycle.record(name, found.seq)
             if found is not None and found.state == "deleted":
@@ -68,3 +78,10 @@ class Retirement:
 
 def _of(newest: LifecycleRecord | None, version: int) -> Retired | None:
     return None if newest is None else newest.retired.get(str(version))
+
+
+def _check_expected(name: str, version: int, found: Retired | None, expected: int | None) -> None:
+    seq = 0 if found is None else found.seq
+    if expected is not None and expected != seq:
+        state = "published" if found is None else found.state
+        raise ConflictError(f"{name}@{version} is {state} since record {seq}, expected was {expected}: look again")

@@ -93,37 +93,44 @@ class ModelStore:
         """Raises VersionArchivedError or VersionDeletedError for a version that is not to be used any more."""
         self._lifecycle.require_usable(name, version)
 
-    def archive_version(self, name: str, version: int, *, actor: str, reason: str) -> LifecycleRecord:
+    def archive_version(
+        self, name: str, version: int, *, actor: str, reason: str, expected_seq: int | None = None
+    ) -> LifecycleRecord:
         """Take a version out of use; everything of it stays, and `restore_version` brings it back.
 
         Archiving it again changes nothing and returns the first record. A move of an alias to it at the same moment
-        either comes first, and this is refused, or is refused itself.
+        either comes first, and this is refused, or is refused itself. With `expected_seq` it happens only if the record
+        of the version's present state still has that number (0: it is published).
 
         Raises:
             ModelNotFoundError, VersionNotFoundError: it was never published.
             VersionInUseError: aliases name it.
             VersionDeletedError: it was deleted.
-            ConflictError: others kept changing versions and aliases of this model.
+            ConflictError: `expected_seq` is another, or others kept changing versions and aliases of this model.
             InvalidDraftError: `actor` is empty or over 200 characters, or `reason` over 4,000.
             CorruptArtefactError, UnsupportedFormatError: an alias of the model cannot be read.
         """
-        return self._retirement.archive(name, version, actor=actor, reason=reason)
+        return self._retirement.archive(name, version, actor=actor, reason=reason, expected_seq=expected_seq)
 
-    def restore_version(self, name: str, version: int, *, actor: str, reason: str) -> LifecycleRecord | None:
+    def restore_version(
+        self, name: str, version: int, *, actor: str, reason: str, expected_seq: int | None = None
+    ) -> LifecycleRecord | None:
         """Bring an archived version back into use; None, and nothing changed, where it was not archived.
 
         Raises what `archive_version` raises, but for VersionInUseError.
         """
-        return self._retirement.restore(name, version, actor=actor, reason=reason)
+        return self._retirement.restore(name, version, actor=actor, reason=reason, expected_seq=expected_seq)
 
-    def delete_version(self, name: str, version: int, *, actor: str, reason: str) -> LifecycleRecord:
+    def delete_version(
+        self, name: str, version: int, *, actor: str, reason: str, expected_seq: int | None = None
+    ) -> LifecycleRecord:
         """Remove what a version predicts with, for good. Its number, manifest and report stay, so whatever names it
         (the history of an alias, a job, the lineage of others) still finds out what it was.
 
         From the moment of the record nobody predicts with it; a killed deletion is finished by deleting again.
         Raises what `archive_version` raises.
         """
-        return self._retirement.delete(name, version, actor=actor, reason=reason)
+        return self._retirement.delete(name, version, actor=actor, reason=reason, expected_seq=expected_seq)
 
     def publish(
         self, name: str, files: Mapping[str, bytes], draft: ManifestDraft, once_key: str | None = None
@@ -286,6 +293,25 @@ class ModelStore:
     ) -> tuple[DatasetRecord, bool]:
         """`put_dataset` that also says whether it was this call that published the dataset."""
         return self._datasets.put(dataset_id, files, record)
+
+    def name_dataset(self, dataset_id: str, name: str, *, created_by: str) -> bool:
+        """Give a dataset, given by its whole id, one more name to be found by; False when it has it already.
+
+        Raises:
+            DatasetNotFoundError: there is none.
+            InvalidReferenceError, InvalidDraftError: the name, or who gives it, is not allowed.
+            ConflictError: it has 64 names.
+            CorruptArtefactError, UnsupportedFormatError: its record cannot be read.
+        """
+        return self._datasets.add_name(dataset_id, name, created_by=created_by)
+
+    def dataset_names(self, record: DatasetRecord) -> list[str]:
+        """Every name of a dataset: the one that it was put with, then the others, sorted."""
+        return self._datasets.names(record)
+
+    def other_dataset_names(self) -> dict[str, list[str]]:
+        """The names beside the first one, by id, of all datasets that have any: one listing."""
+        return self._datasets.other_names()
 
     def delete_dataset(self, dataset_id: str) -> None:
         """Remove a dataset, given by its whole id. Its record goes first, so that it vanishes at once; deleting again

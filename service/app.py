@@ -53,6 +53,7 @@ from service.api.v1 import (
     steps,
     suggested_runs,
     training_jobs,
+    version_states,
 )
 from service.api.v2 import routes as inference
 from service.api.v2.failures import PREFIX, failure
@@ -101,7 +102,11 @@ def create_app(
         released=give_back,
     )
     state = lifecycle or Lifecycle()
-    jobs = JobQueue.open(settings.jobs_url(), settings.max_queued_jobs) if settings.admin_token else None
+    jobs = (
+        JobQueue.open(settings.jobs_url(), settings.max_queued_jobs, settings.keep_jobs_days)
+        if settings.admin_token
+        else None
+    )
     worker = WorkerSupervisor(settings) if settings.admin_token and settings.start_worker else None
 
     @asynccontextmanager
@@ -200,7 +205,7 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
     docs.install(app)
     for resource in (inference, mobility, models, fmu, suggested_runs, health, metrics, datasets, training_jobs):
         app.include_router(resource.router)
-    for router in (aliases.reading, aliases.moving):
+    for router in (aliases.reading, aliases.moving, version_states.reading, version_states.changing):
         app.include_router(router)
     app.router.routes += live.routes
     app.openapi = lambda: openapi_of(app)  # type: ignore[method-assign] # FastAPI's documented way

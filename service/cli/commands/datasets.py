@@ -244,13 +244,14 @@ def upload_file(
                 "id": result.dataset_id,
                 "created": result.created,
                 "dry_run": dry_run,
+                "already_known_as": list(result.already_known_as),
                 "dataset": result.record.model_dump(mode="json") if result.record else None,
                 "report": result.report.as_json(),
             }
         )
         return
     runs = f"{len(result.report.accepted)} runs, {len(result.report.rejected)} rejected"
-    known = f", stored before as {result.record.name}" if result.record and not result.created else ""
+    known = f", stored before as {', '.join(result.already_known_as)}" if result.already_known_as else ""
     print(f"dataset {result.dataset_id}{known}: {runs}{', nothing stored' if dry_run else ''}")
 
 

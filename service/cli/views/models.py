@@ -46,7 +46,8 @@ def find_version(store: ModelStore, reference: str) -> Manifest:
     except AliasNotFoundError:
         if "@" in reference:
             raise
-        return store.manifest(reference, store.versions(reference)[-1])
+        versions = store.versions(reference) or store.versions(reference, retired=True)
+        return store.manifest(reference, versions[-1])
     return store.manifest(resolved.name, resolved.version)
 
 
@@ -56,14 +57,21 @@ def verify(store: ModelStore, reference: str | None) -> list[tuple[str, str | No
     Raises NotFoundError when what was asked for is not there.
     """
     if reference is None:
-        places = [(name, version) for name in store.model_names() for version in store.versions(name)]
+        places = [(name, version) for name in store.model_names() for version in _kept(store, name)]
     elif "@" in reference:
         resolved = store.resolve(reference)
         places = [(resolved.name, resolved.version)]
     else:
         name = parse_reference(reference).name
-        places = [(name, version) for version in store.versions(name)]
+        places = [(name, version) for version in _kept(store, name)]
     return [(f"{name}@{version}", _damage(store, name, version)) for name, version in places]
+
+
+def _kept(store: ModelStore, name: str) -> list[int]:
+    """All versions but those that were deleted, of which no files are left to verify."""
+    retired = store.retired(name)
+    versions = store.versions(name, retired=True)
+    return [version for version in versions if version not in retired or retired[version].state != "deleted"]
 
 
 def _damage(store: ModelStore, name: str, version: int) -> str | None:
@@ -138,6 +146,7 @@ def _lineage(manifest: Manifest, datasets: Mapping[str, str]) -> RenderableType:
         "libraries": ", ".join(f"{name} {version}" for name, version in lineage.libraries.items()),
         "command": lineage.command,
         "weights sha256": manifest.files[WEIGHTS].sha256 if WEIGHTS in manifest.files else None,
+        "same weights as": lineage.same_weights_as,
         "made again by": f"rover-twin train --like {manifest.name}@{manifest.version} --no-publish",
     }
     _add_rows(table, facts)
