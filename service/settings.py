@@ -24,7 +24,9 @@ from service.errors import RoverTwinError
 PREFIX = "ROVER_TWIN_"
 _SECRETS = ("admin_token", "jobs_database_url")  # may also be read from a file, and are never printed
 # Not ours, but often set beside them: of the client scripts, docker/compose.yaml, and what builds the image.
-_OF_OTHERS = {f"{PREFIX}{name}" for name in ("URL", "PUBLISHED_PORT", "IMAGE", "IMAGE_BUILD", "IMAGE_RUN")}
+_OF_OTHERS = {
+    f"{PREFIX}{name}" for name in ("URL", "ADMIN_HEADER", "PUBLISHED_PORT", "IMAGE", "IMAGE_BUILD", "IMAGE_RUN")
+}
 _SERVICE_LINKS = "Kubernetes set this for a service named rover-twin: set enableServiceLinks: false in the pod"
 
 

@@ -75,11 +75,13 @@ def show_dataset(dataset: Identity, store: options.Store = None, json: options.J
     """
     from service.cli.views.datasets import dataset_facts
 
-    record = open_store(store).dataset(dataset)
+    opened = open_store(store)
+    record = opened.dataset(dataset)
+    names = opened.dataset_names(record)
     if json:
-        print_json(record.model_dump(mode="json"))
+        print_json(record.model_dump(mode="json") | {"names": names})
     else:
-        print_answer(dataset_facts(record))
+        print_answer(dataset_facts(record, names))
 
 
 @app.command("preview")

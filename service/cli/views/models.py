@@ -24,7 +24,7 @@ from service.cli.views.errors import error_table
 
 
 def list_all(store: ModelStore) -> tuple[list[dict[str, Any]], list[str]]:
-    """Every model as (name, versions, aliases, description), and why others cannot be read."""
+    """Every model as (name, versions, archived, deleted, aliases, description), and why others cannot be read."""
     models: list[dict[str, Any]] = []
     unreadable: list[str] = []
     for name in store.model_names():
@@ -34,8 +34,13 @@ def list_all(store: ModelStore) -> tuple[list[dict[str, Any]], list[str]]:
         except StoreError as error:
             unreadable.append(f"{name}: {error}")
             continue
-        versions = store.versions(name)
-        models.append({"name": name, "versions": versions, "aliases": aliases, "description": manifest.description})
+        states = {number: each.state for number, each in store.retired(name).items()}
+        lists = {
+            "versions": [number for number in store.versions(name, retired=True) if number not in states],
+            "archived": sorted(number for number, state in states.items() if state == "archived"),
+            "deleted": sorted(number for number, state in states.items() if state == "deleted"),
+        }
+        models.append({"name": name, **lists, "aliases": aliases, "description": manifest.description})
     return models, unreadable
 
 
