@@ -66,7 +66,10 @@ def test_a_retired_version_predicts_no_more_and_is_still_known(three, what, refu
     for address in PREDICTIONS:
         assert problem(three.client.get(f"{address}&model=viper-lunar@1")) == refusal
     assert problem(three.get(f"{place(1, '/v1/models')}/fmu")) == refusal
-    assert three.client.post("/v2/models/viper-lunar/versions/1/load", json={}).status_code in (404, 405)
+    ready = three.get("/v2/models/viper-lunar/versions/1/ready")
+    assert (ready.status_code, "viper-lunar@1" in ready.json()["error"]) == (404, True)
+    index = three.client.post("/v2/repository/index", json={}).json()
+    assert [each["version"] for each in index] == ["2", "3"]
     moved = three.client.put(ALIAS, json={"version": 1, "reason": "x"}, headers={"If-Match": "*"})
     assert problem(moved) == refusal
 
