@@ -203,7 +203,8 @@ def test_versions_are_archived_restored_and_deleted(store):
     assert call("models", "restore", "rover", "2", *said).code == ExitCode.REFUSED
     listed = call("models", "list", "--json", "--store", store).json["models"][0]
     assert (listed["versions"], listed["archived"], listed["deleted"]) == ([1], [], [2])
-    assert "rover@2" in call("models", "show", "rover@2", "--store", store).out
+    shown = call("models", "show", "rover@2", "--store", store)
+    assert ("rover@2" in shown.out, "deleted by ada: for a test" in shown.err) == (True, True)
     assert call("models", "verify", "--store", store).out == "rover@1 whole\n"
     assert call("models", "archive", "rover", "3", *said).code == ExitCode.NOT_FOUND
 

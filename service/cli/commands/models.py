@@ -87,6 +87,9 @@ def show_version(
     if json:
         print_json(manifest.model_dump(mode="json"))
         return
+    state, record = opened.version_state(manifest.name, manifest.version)
+    if record is not None:
+        note(f"{state} by {record.actor}: {record.reason or 'no reason given'}")
     for part in describe(manifest, dataset_names(opened, manifest)):
         print_answer(part)
 
