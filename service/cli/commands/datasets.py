@@ -60,7 +60,9 @@ def list_datasets(store: options.Store = None, json: options.Json = False) -> No
     opened = open_store(store)
     records = [opened.dataset(identity) for identity in opened.dataset_ids()]
     if json:
-        print_json({"datasets": [record.model_dump(mode="json") for record in records]})
+        others = opened.other_dataset_names()
+        names = {record.id: [record.name, *others.get(record.id, ())] for record in records}
+        print_json({"datasets": [{**record.model_dump(mode="json"), "names": names[record.id]} for record in records]})
     else:
         print_answer(datasets_table(records))
 
