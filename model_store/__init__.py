@@ -20,12 +20,16 @@ from model_store.errors import (
     StoreError,
     StoreUnavailableError,
     UnsupportedFormatError,
+    VersionArchivedError,
+    VersionDeletedError,
+    VersionInUseError,
     VersionNotFoundError,
+    VersionRetiredError,
 )
 from model_store.files import FileEntry
 from model_store.layout import WEIGHTS
 from model_store.manifest import Lineage, Manifest, ManifestDraft
-from model_store.records import AliasRecord, DatasetDraft, DatasetRecord
+from model_store.records import AliasRecord, DatasetDraft, DatasetRecord, LifecycleRecord
 from model_store.references import DEFAULT_ALIAS, Reference, Resolved, parse_reference
 from model_store.store import ModelStore
 
@@ -44,6 +48,7 @@ __all__ = [
     "FileEntry",
     "InvalidDraftError",
     "InvalidReferenceError",
+    "LifecycleRecord",
     "Lineage",
     "Manifest",
     "ManifestDraft",
@@ -55,6 +60,10 @@ __all__ = [
     "StoreError",
     "StoreUnavailableError",
     "UnsupportedFormatError",
+    "VersionArchivedError",
+    "VersionDeletedError",
+    "VersionInUseError",
     "VersionNotFoundError",
+    "VersionRetiredError",
     "parse_reference",
 ]

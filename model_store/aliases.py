@@ -17,7 +17,8 @@ from model_store.errors import (
     InvalidDraftError,
     VersionNotFoundError,
 )
-from model_store.records import AliasRecord
+from model_store.lifecycle import Lifecycle
+from model_store.records import AliasRecord, OpenMove
 from model_store.references import Resolved, parse_reference
 from model_store.versions import Versions
 
@@ -28,9 +29,10 @@ MOVE_ATTEMPTS = 100
 class Aliases:
     """The part of the store under `models/<name>/aliases`. `ModelStore` documents each method."""
 
-    def __init__(self, backend: Backend, versions: Versions) -> None:
+    def __init__(self, backend: Backend, versions: Versions, lifecycle: Lifecycle) -> None:
         self._backend = backend
         self._versions = versions
+        self._lifecycle = lifecycle
 
     def all(self, name: str) -> dict[str, AliasRecord]:
         """The record that holds, for every alias of the model."""
@@ -70,6 +72,7 @@ class Aliases:
             newest = seqs[-1] if seqs else 0
             _check_expected(name, alias, newest, expected_seq)
             moved = _new_record(newest + 1, version, actor, reason, self._way_back(name, alias, seqs, version))
+            self._lifecycle.announce_move(name, OpenMove(alias=alias, seq=moved.seq, version=version), actor=actor)
             if self._append(name, alias, moved):
                 return moved
             if expected_seq is not None:
@@ -88,10 +91,30 @@ class Aliases:
         restored = self._record(name, alias, current.previous_seq)
         self._versions.require(name, restored.version)
         back = _new_record(current.seq + 1, restored.version, actor, reason, restored.previous_seq)
+        announced = OpenMove(alias=alias, seq=back.seq, version=back.version)
+        self._lifecycle.announce_move(name, announced, actor=actor)
         if not self._append(name, alias, back):
             # never retried: a second look would take back the other one's change, not the one meant here
             raise _overtaken(name, alias)
         return back
+
+    def naming(self, name: str, version: int) -> list[str]:
+        """The aliases that point to the version now."""
+        return [alias for alias, record in self.all(name).items() if record.version == version]
+
+    def settle(self, name: str, move: OpenMove, *, actor: str) -> None:
+        """See to it that there is the record that was announced, so that whoever announced it comes too late.
+
+        The alias stays where it is. One that does not exist yet has nowhere to stay: there the move is carried out.
+        """
+        seqs = [seq for seq in self._seqs(name, move.alias) if seq < move.seq]
+        if not seqs:
+            made = _new_record(move.seq, move.version, actor, "finished for one who was interrupted", None)
+        else:
+            now = self._record(name, move.alias, seqs[-1])
+            why = f"stays, for version {move.version} is about to be retired"
+            made = _new_record(move.seq, now.version, actor, why, now.previous_seq)
+        self._append(name, move.alias, made)
 
     def _way_back(self, name: str, alias: str, seqs: list[int], version: int) -> int | None:
         # an unreadable record must not keep anybody from moving the alias away from it: look below it

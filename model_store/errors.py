@@ -10,7 +10,11 @@ StoreError
 │   └── ArtefactTooLargeError
 ├── UnsupportedFormatError
 ├── AlreadyExistsError
+├── VersionRetiredError
+│   ├── VersionArchivedError
+│   └── VersionDeletedError
 ├── ConflictError
+│   └── VersionInUseError
 ├── InvalidReferenceError (also ValueError)
 ├── InvalidDraftError (also ValueError)
 └── StoreUnavailableError
@@ -20,6 +24,8 @@ which is for the operator, tells where the store is and what the backend said.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 
 class StoreError(Exception):
@@ -64,6 +70,27 @@ class AlreadyExistsError(StoreError):
 
 class ConflictError(StoreError):
     """Somebody else changed the same thing first; look again, then decide again."""
+
+
+class VersionInUseError(ConflictError):
+    """A version cannot be archived or deleted: `aliases` name it, or it is what a service answers with by default."""
+
+    def __init__(self, name: str, version: int, aliases: Sequence[str]) -> None:
+        self.aliases = list(aliases)
+        named = ", ".join(self.aliases) or "the setting of the default model"
+        super().__init__(f"{name}@{version} is named by {named}: point that elsewhere first")
+
+
+class VersionRetiredError(StoreError):
+    """The version is published, and is not to be used any more."""
+
+
+class VersionArchivedError(VersionRetiredError):
+    """Somebody archived the version; it can be restored."""
+
+
+class VersionDeletedError(VersionRetiredError):
+    """Somebody deleted the version: its manifest stays, its weights are gone."""
 
 
 class InvalidReferenceError(StoreError, ValueError):

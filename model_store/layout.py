@@ -3,7 +3,8 @@
     models/<name>/versions/<n>/{weights.safetensors, report/*, manifest.json}
     models/<name>/aliases/<alias>/<seq>.json
     models/<name>/once/<key>.json
-    datasets/<sha256>/{..., dataset.json}
+    models/<name>/lifecycle/<seq>.json
+    datasets/<sha256>/{..., dataset.json, names/<name>}
     jobs/<job id>/<file>
 
 Every function that builds a path checks its parts first, so nothing from outside can point beyond its place.
@@ -19,6 +20,7 @@ from model_store.errors import InvalidReferenceError
 WEIGHTS = "weights.safetensors"
 MANIFEST = "manifest.json"
 DATASET = "dataset.json"
+NAMES = "names"
 MODELS_ROOT = "models"
 DATASETS_ROOT = "datasets"
 WORK_ROOT = "jobs"
@@ -113,6 +115,21 @@ def alias_record(name: str, alias: str, seq: int) -> str:
     return f"{alias_prefix(name, alias)}/{seq:08d}.json"
 
 
+def lifecycle_prefix(name: str) -> str:
+    """Where it is kept what became of the versions of a model."""
+    return f"{MODELS_ROOT}/{check_name(name)}/lifecycle"
+
+
+def lifecycle_record(name: str, seq: int) -> str:
+    """The path of one record of that."""
+    return f"{lifecycle_prefix(name)}/{seq:08d}.json"
+
+
+def goes_with_deletion(file: str) -> bool:
+    """Whether a file of a version goes when the version is deleted: what predicts does, what tells of it stays."""
+    return file.endswith(".safetensors")
+
+
 def check_job_id(job: str) -> str:
     """Return the job's id when it is a UUID in lower case."""
     return _checked("job id", job, _JOB_ID, "a UUID in lower case")
@@ -132,6 +149,11 @@ def work_file(job: str, file: str) -> str:
 def dataset_prefix(dataset_id: str) -> str:
     """Where one dataset lives."""
     return f"{DATASETS_ROOT}/{check_dataset_id(dataset_id)}"
+
+
+def dataset_name(dataset_id: str, name: str) -> str:
+    """The path of the record that a dataset has this name too."""
+    return f"{dataset_prefix(dataset_id)}/{NAMES}/{check_dataset_name(name)}"
 
 
 def version_number(text: str) -> int | None:
@@ -158,6 +180,11 @@ def is_alias(text: str) -> bool:
 def is_job_id(text: str) -> bool:
     """Whether the text is a well-formed job id."""
     return _JOB_ID.fullmatch(text) is not None
+
+
+def is_dataset_name(text: str) -> bool:
+    """Whether the text is a well-formed name of a dataset."""
+    return _DATASET_NAME.fullmatch(text) is not None
 
 
 def is_dataset_id(text: str) -> bool:

@@ -35,6 +35,8 @@ class Lineage(BaseModel):
     libraries: dict[Text, Text] = Field(default_factory=dict)
     code_version: Text = ""
     command: Text = ""
+    same_weights_as: Text | None = None
+    """The version, as name@2, that had the same weights when this one was published."""
 
 
 class ManifestDraft(BaseModel):

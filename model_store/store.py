@@ -9,9 +9,11 @@ from model_store.aliases import Aliases
 from model_store.backend import Backend
 from model_store.errors import CorruptArtefactError, NotFoundError, UnsupportedFormatError
 from model_store.files import MAX_FILE_BYTES, FileEntry
+from model_store.lifecycle import Lifecycle, State
 from model_store.manifest import Manifest, ManifestDraft
-from model_store.records import AliasRecord, DatasetDraft, DatasetRecord
+from model_store.records import AliasRecord, DatasetDraft, DatasetRecord, LifecycleRecord, Retired
 from model_store.references import Resolved
+from model_store.retirement import Retirement
 from model_store.stored_datasets import Datasets
 from model_store.versions import Versions
 from model_store.work import WorkFiles
@@ -28,7 +30,9 @@ class ModelStore:
     def __init__(self, backend: Backend) -> None:
         self._backend = backend
         self._versions = Versions(backend)
-        self._aliases = Aliases(backend, self._versions)
+        self._lifecycle = Lifecycle(backend)
+        self._aliases = Aliases(backend, self._versions, self._lifecycle)
+        self._retirement = Retirement(backend, self._versions, self._aliases, self._lifecycle)
         self._datasets = Datasets(backend)
         self._work = WorkFiles(backend)
 
@@ -53,15 +57,80 @@ class ModelStore:
         """Sorted names of the models with at least one published version."""
         return self._versions.model_names()
 
-    def versions(self, name: str) -> list[int]:
-        """Published versions of a model, ascending; never empty.
+    def versions(self, name: str, *, retired: bool = False) -> list[int]:
+        """Versions of a model that can be used, ascending; with `retired` the archived and deleted ones too.
 
-        Only versions with a manifest: what a running or killed publisher has written so far does not show.
+        Only versions with a manifest: what a running or killed publisher has written so far does not show. Empty only
+        where all of them are retired.
 
         Raises:
             ModelNotFoundError: nothing is published under this name.
         """
-        return self._versions.numbers(name)
+        numbers = self._versions.numbers(name)
+        if retired:
+            return numbers
+        gone = self._lifecycle.retired(name)
+        return [number for number in numbers if number not in gone]
+
+    def retired(self, name: str) -> dict[int, Retired]:
+        """The versions of a model that are archived or deleted: one listing, and a small read when that has changed.
+
+        Raises CorruptArtefactError, UnsupportedFormatError: the newest record of it cannot be read.
+        """
+        return self._lifecycle.retired(name)
+
+    def version_state(self, name: str, version: int) -> tuple[State, LifecycleRecord | None]:
+        """Whether a version is published, archived or deleted, and the record that says since when, by whom and why.
+
+        Raises:
+            ModelNotFoundError, VersionNotFoundError: it was never published.
+            CorruptArtefactError, UnsupportedFormatError: the record cannot be read.
+        """
+        self._versions.require(name, version)
+        return self._lifecycle.state(name, version)
+
+    def require_usable(self, name: str, version: int) -> None:
+        """Raises VersionArchivedError or VersionDeletedError for a version that is not to be used any more."""
+        self._lifecycle.require_usable(name, version)
+
+    def archive_version(
+        self, name: str, version: int, *, actor: str, reason: str, expected_seq: int | None = None
+    ) -> LifecycleRecord:
+        """Take a version out of use; everything of it stays, and `restore_version` brings it back.
+
+        Archiving it again changes nothing and returns the first record. A move of an alias to it at the same moment
+        either comes first, and this is refused, or is refused itself. With `expected_seq` it happens only if the record
+        of the version's present state still has that number (0: it is published).
+
+        Raises:
+            ModelNotFoundError, VersionNotFoundError: it was never published.
+            VersionInUseError: aliases name it.
+            VersionDeletedError: it was deleted.
+            ConflictError: `expected_seq` is another, or others kept changing versions and aliases of this model.
+            InvalidDraftError: `actor` is empty or over 200 characters, or `reason` over 4,000.
+            CorruptArtefactError, UnsupportedFormatError: an alias of the model cannot be read.
+        """
+        return self._retirement.archive(name, version, actor=actor, reason=reason, expected_seq=expected_seq)
+
+    def restore_version(
+        self, name: str, version: int, *, actor: str, reason: str, expected_seq: int | None = None
+    ) -> LifecycleRecord | None:
+        """Bring an archived version back into use; None, and nothing changed, where it was not archived.
+
+        Raises what `archive_version` raises, but for VersionInUseError.
+        """
+        return self._retirement.restore(name, version, actor=actor, reason=reason, expected_seq=expected_seq)
+
+    def delete_version(
+        self, name: str, version: int, *, actor: str, reason: str, expected_seq: int | None = None
+    ) -> LifecycleRecord:
+        """Remove what a version predicts with, for good. Its number, manifest and report stay, so whatever names it
+        (the history of an alias, a job, the lineage of others) still finds out what it was.
+
+        From the moment of the record nobody predicts with it; a killed deletion is finished by deleting again.
+        Raises what `archive_version` raises.
+        """
+        return self._retirement.delete(name, version, actor=actor, reason=reason, expected_seq=expected_seq)
 
     def publish(
         self, name: str, files: Mapping[str, bytes], draft: ManifestDraft, once_key: str | None = None
@@ -111,14 +180,29 @@ class ModelStore:
 
         Raises:
             NotFoundError: the manifest lists no such file.
+            VersionDeletedError: the version was deleted, and this file went with it.
             CorruptArtefactError: the file is missing, truncated or altered.
             ArtefactTooLargeError: it is larger than `limit_bytes`; nothing of it was read.
         """
-        return self._versions.read_file(manifest, file, limit_bytes)
+        try:
+            return self._versions.read_file(manifest, file, limit_bytes)
+        except CorruptArtefactError:
+            self._require_kept(manifest.name, manifest.version)
+            raise
 
     def verify(self, name: str, version: int) -> Manifest:
         """Read every file of a version and compare it with the manifest; raises what both of them raise."""
-        return self._versions.verify(name, version)
+        try:
+            return self._versions.verify(name, version)
+        except CorruptArtefactError:
+            self._require_kept(name, version)
+            raise
+
+    def _require_kept(self, name: str, version: int) -> None:
+        """Raises VersionDeletedError."""
+        retired = self._lifecycle.retired(name).get(version)
+        if retired is not None and retired.state == "deleted":
+            self._lifecycle.require_usable(name, version)
 
     def resolve(self, reference: str) -> Resolved:
         """Say which version `name`, `name@3` or `name@champion` means now; a bare name means `name@champion`.
@@ -166,6 +250,7 @@ class ModelStore:
 
         Raises:
             ModelNotFoundError, VersionNotFoundError: the version is not published.
+            VersionArchivedError, VersionDeletedError: it is retired.
             ConflictError: the alias moved meanwhile; of movers with the same `expected_seq` exactly one wins.
             InvalidDraftError: `actor` is empty or over 200 characters, or `reason` over 4,000.
             UnsupportedFormatError: the newest record is of a newer major format. A corrupt one is moved away from.
@@ -184,6 +269,7 @@ class ModelStore:
         Raises:
             ModelNotFoundError, AliasNotFoundError: there is none.
             VersionNotFoundError: the version to return to is no longer in the store; move the alias by number.
+            VersionArchivedError, VersionDeletedError: it is retired; move the alias by number.
             ConflictError: nothing to return to, `expected_seq` is not the newest, or the alias moved meanwhile.
             CorruptArtefactError, UnsupportedFormatError: a record needed for it cannot be read.
         """
@@ -208,6 +294,25 @@ class ModelStore:
         """`put_dataset` that also says whether it was this call that published the dataset."""
         return self._datasets.put(dataset_id, files, record)
 
+    def name_dataset(self, dataset_id: str, name: str, *, created_by: str) -> bool:
+        """Give a dataset, given by its whole id, one more name to be found by; False when it has it already.
+
+        Raises:
+            DatasetNotFoundError: there is none.
+            InvalidReferenceError, InvalidDraftError: the name, or who gives it, is not allowed.
+            ConflictError: it has 64 names.
+            CorruptArtefactError, UnsupportedFormatError: its record cannot be read.
+        """
+        return self._datasets.add_name(dataset_id, name, created_by=created_by)
+
+    def dataset_names(self, record: DatasetRecord) -> list[str]:
+        """Every name of a dataset: the one that it was put with, then the others, sorted."""
+        return self._datasets.names(record)
+
+    def other_dataset_names(self) -> dict[str, list[str]]:
+        """The names beside the first one, by id, of all datasets that have any: one listing."""
+        return self._datasets.other_names()
+
     def delete_dataset(self, dataset_id: str) -> None:
         """Remove a dataset, given by its whole id. Its record goes first, so that it vanishes at once; deleting again
         removes what a killed deletion left. Nothing here asks whether it is in use: see `datasets_in_use`.
@@ -224,7 +329,7 @@ class ModelStore:
         """
         used: dict[str, list[str]] = {}
         for name in self.model_names():
-            for version in self.versions(name):
+            for version in self.versions(name, retired=True):
                 try:
                     datasets = self.manifest(name, version).lineage.datasets
                 except (CorruptArtefactError, UnsupportedFormatError, NotFoundError):

@@ -6,19 +6,25 @@ import re
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 
+from pydantic import ValidationError
+
 from model_store import layout
 from model_store.backend import Backend
 from model_store.documents import read_document, render
 from model_store.errors import (
     AlreadyExistsError,
+    ConflictError,
     CorruptArtefactError,
     DatasetNotFoundError,
+    InvalidDraftError,
     InvalidReferenceError,
     NotFoundError,
     UnsupportedFormatError,
 )
 from model_store.files import MAX_FILE_BYTES, FileEntry, digest_files, read_verified, stream_verified
-from model_store.records import DatasetDraft, DatasetRecord
+from model_store.records import DatasetDraft, DatasetName, DatasetRecord
+
+MOST_NAMES = 64
 
 _PREFIX = re.compile(r"[0-9a-f]{6,63}")
 
@@ -57,6 +63,34 @@ class Datasets:
             if not self._backend.exists(f"{prefix}/{file}"):
                 self._create_or_match(f"{prefix}/{file}", files[file], entries[file])
         return (record, True) if created else (_same(self._read(dataset_id), entries), False)
+
+    def add_name(self, dataset_id: str, name: str, *, created_by: str) -> bool:
+        """Give the dataset this name too; False when it has it."""
+        place = layout.dataset_name(dataset_id, name)
+        known = self.names(self._read(dataset_id))
+        if name in known:
+            return False
+        if len(known) >= MOST_NAMES:
+            raise ConflictError(f"dataset {dataset_id} has {MOST_NAMES} names, which is all it may: use one of them")
+        try:
+            document = DatasetName(name=name, created_at=datetime.now(UTC), created_by=created_by)
+        except ValidationError as error:
+            raise InvalidDraftError(f"name of a dataset: {error.errors(include_url=False)[0]['msg']}") from error
+        return self._backend.create_or_confirm(place, render(document))
+
+    def names(self, record: DatasetRecord) -> list[str]:
+        """The name that it was put with first, then the others, sorted."""
+        found = self._backend.keys(f"{layout.dataset_prefix(record.id)}/{layout.NAMES}")
+        return [record.name, *sorted({name for name in found if layout.is_dataset_name(name)} - {record.name})]
+
+    def other_names(self) -> dict[str, list[str]]:
+        """The names of all datasets, but the first of each; one listing."""
+        others: dict[str, list[str]] = {}
+        for key in sorted(self._backend.keys(layout.DATASETS_ROOT)):
+            identity, _, name = key.partition(f"/{layout.NAMES}/")
+            if layout.is_dataset_id(identity) and layout.is_dataset_name(name):
+                others.setdefault(identity, []).append(name)
+        return others
 
     def delete(self, dataset_id: str) -> None:
         """Remove the record, then the files; stop when somebody puts the dataset anew meanwhile."""
@@ -112,11 +146,11 @@ class Datasets:
 
     def _named(self, name: str) -> tuple[list[str], list[str]]:
         # one broken dataset must not hide the others
-        named, unreadable = [], []
+        named, unreadable, others = [], [], self.other_names()
         for dataset_id, record in self._records():
             if record is None:
                 unreadable.append(dataset_id)
-            elif record.name == name:
+            elif name in (record.name, *others.get(dataset_id, ())):
                 named.append(dataset_id)
         return named, unreadable
 

@@ -58,6 +58,7 @@ from service.api.v1 import (
     steps,
     suggested_runs,
     training_jobs,
+    version_states,
 )
 from service.api.v2 import routes as inference
 from service.api.v2.failures import PREFIX, failure
@@ -108,7 +109,11 @@ def create_app(
     )
     state = lifecycle or Lifecycle()
     access = Access(tokens_of(settings), counting)
-    jobs = JobQueue.open(settings.jobs_url(), settings.max_queued_jobs) if settings.admin_is_on else None
+    jobs = (
+        JobQueue.open(settings.jobs_url(), settings.max_queued_jobs, settings.keep_jobs_days)
+        if settings.admin_is_on
+        else None
+    )
     worker = WorkerSupervisor(settings) if settings.admin_is_on and settings.start_worker else None
 
     @asynccontextmanager
@@ -217,7 +222,7 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
     docs.install(app)
     for resource in (inference, mobility, models, fmu, suggested_runs, health, metrics, datasets, training_jobs, audit):
         app.include_router(resource.router)
-    for router in (aliases.reading, aliases.moving):
+    for router in (aliases.reading, aliases.moving, version_states.reading, version_states.changing):
         app.include_router(router)
     app.router.routes += live.routes
     templates.learn(app.router.routes)

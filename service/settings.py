@@ -136,6 +136,10 @@ class Settings(BaseSettings):
     max_queued_jobs: Annotated[int, Field(ge=1, le=10_000)] = Field(
         default=16, description="Training jobs that may wait; the next one is refused with a 429."
     )
+    keep_jobs_days: Annotated[int, Field(ge=1, le=36_500)] = Field(
+        default=90,
+        description="Days that a training job is kept after its end, with its events, its log and its idempotency key.",
+    )
     start_worker: bool = Field(
         default=True,
         description="Whether serve keeps a training worker running; it does so only with a token configured.",

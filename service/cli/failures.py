@@ -35,7 +35,7 @@ class ExitCode(IntEnum):
 EXIT_CODES_HELP = (
     "Exit codes: 0 done; 1 failed; 2 wrong usage or a value that is not allowed; 3 a model, version, alias, dataset, "
     "job or token is not there; 4 refused by a check (outside the domain with --strict, dataset rejected) or by the "
-    "state of a job (cancelled, ended); 130 interrupted."
+    "state of a job (cancelled, ended) or version (archived, deleted, named by an alias); 130 interrupted."
 )
 
 
@@ -91,12 +91,19 @@ _WRONG_USAGE = (UsageError, InvalidValueError, IdempotencyKeyError, TokenFileErr
 
 def _code_of(error: Exception) -> ExitCode | None:
     """The exit code of an error that our own code raises on purpose, else None."""
-    from model_store import InvalidDraftError, InvalidReferenceError, NotFoundError, StoreError
+    from model_store import (
+        InvalidDraftError,
+        InvalidReferenceError,
+        NotFoundError,
+        StoreError,
+        VersionInUseError,
+        VersionRetiredError,
+    )
     from service.settings import SettingsError
 
     if isinstance(error, (NotFoundError, JobNotFoundError)):
         return ExitCode.NOT_FOUND
-    if isinstance(error, (RefusedError, DatasetInUseError, JobStateError)):
+    if isinstance(error, (RefusedError, DatasetInUseError, JobStateError, VersionInUseError, VersionRetiredError)):
         return ExitCode.REFUSED
     if isinstance(error, (*_WRONG_USAGE, InvalidReferenceError, InvalidDraftError, SettingsError)):
         return ExitCode.USAGE

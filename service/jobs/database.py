@@ -11,6 +11,8 @@ import sqlite3
 import threading
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing, contextmanager
+from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -189,6 +191,21 @@ class JobsDatabase:
                 load_input=whole,
                 load_output=whole,
             )
+
+    def ended_before(self, until: datetime, limit: int) -> list[str]:
+        """Ids of at most `limit` jobs that ended before that time."""
+        time = until.isoformat()
+        plain = partial(self._client.list_workflows, name=WORKFLOW, limit=limit, load_input=False, load_output=False)
+        with answering():
+            ended = plain(status=["SUCCESS", "ERROR", "CANCELLED"], completed_before=time)
+            # dbos notes no end for those that killed worker after worker: it counts when they were submitted
+            ended += plain(status=["MAX_RECOVERY_ATTEMPTS_EXCEEDED"], end_time=time)
+        return [row.workflow_id for row in ended[:limit]]
+
+    def remove(self, job_ids: Sequence[str]) -> None:
+        """Remove jobs with all that the database has of them, in one transaction. Only for those that have ended."""
+        with answering():
+            self._client.delete_workflows(list(job_ids))
 
     def note(self, job_id: str) -> dict[str, Any] | None:
         """What the worker last noted about the job (start and progress)."""

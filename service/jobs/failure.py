@@ -12,6 +12,9 @@ _REMEDIES = {
     "CorruptArtefactError": "Restore the file that is named from a backup, or upload the dataset again.",
     "StoreUnavailableError": "The model store did not answer for a while: see that it does, then start a new job.",
     "ConflictError": "Somebody else moved the alias all the time: move it by hand.",
+    "VersionArchivedError": "The version was archived before an alias could name it: restore it, then move the alias "
+    "by hand.",
+    "VersionDeletedError": "The version was deleted before an alias could name it: start a new job.",
     "MemoryError": "The worker ran out of memory: train on fewer runs, or give the worker more.",
     "WorkerLost": "Look into the workers' logs and memory limits, then start the job anew, with less data or another "
     "budget.",

@@ -48,12 +48,16 @@ class JobProgress(_Frozen):
 
 
 class JobResult(_Frozen):
-    """What a job that succeeded made. `moves` lists the aliases it moved, {alias, version, seq, reason} each."""
+    """What a job that succeeded made. `moves` lists the aliases it moved, {alias, version, seq, reason} each.
+
+    `same_weights_as` is another version that has the very same weights, as name@2; null when there is none.
+    """
 
     model: str
     version: int
     metrics: dict[str, JsonValue] = Field(default_factory=dict)
     comparison: dict[str, JsonValue] | None = None
+    same_weights_as: str | None = None
     promoted: bool = False
     moves: tuple[dict[str, JsonValue], ...] = ()
 

@@ -8,7 +8,7 @@ import math
 import threading
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Self
 
 from service.errors import IdempotencyKeyError, JobNotFoundError, JobStateError, JobsUnavailableError
@@ -19,6 +19,7 @@ from service.jobs.request import TrainingJobRequest
 if TYPE_CHECKING:
     from dbos import WorkflowStatus
 
+    from model_store import ModelStore
     from service.jobs.database import JobsDatabase
 
 # A key names its job by itself, in every replica and after every restart. Never change it.
@@ -37,17 +38,27 @@ class JobQueue:
     down is tried again by the next one, so that a service can start without it.
     """
 
-    def __init__(self, url: str, capacity: int) -> None:
+    def __init__(self, url: str, capacity: int, keep_days: int | None = None) -> None:
         self._url = url
+        self._keep_days = keep_days
         self._capacity = capacity
         self._lock = threading.Lock()
         self._opened: JobsDatabase | None = None
         self._failed = -math.inf, ""  # when opening failed last, and why
 
     @classmethod
-    def open(cls, url: str, capacity: int) -> Self:
-        """The queue in `url` (sqlite:///file or postgresql://...), in which `capacity` jobs may wait."""
-        return cls(url, capacity)
+    def open(cls, url: str, capacity: int, keep_days: int | None = None) -> Self:
+        """The queue in `url` (sqlite:///file or postgresql://...), in which `capacity` jobs may wait.
+
+        `keep_days` is how long workers keep jobs that have ended; it is told to those who ask for one that is gone.
+        """
+        return cls(url, capacity, keep_days)
+
+    def prune(self, store: ModelStore, keep_days: int, *, dry_run: bool = False) -> int:
+        """Remove the jobs that ended more than `keep_days` ago; how many (see `service.jobs.retention`)."""
+        from service.jobs.retention import prune  # noqa: PLC0415 - brings dbos
+
+        return prune(self._database, store, keep_days, dry_run=dry_run)
 
     def find(self, key: str, asked: TrainingJobRequest) -> TrainingJob | None:
         """The job that this very request, as it was before it was checked, has started with this key; None without.
@@ -56,6 +67,18 @@ class JobQueue:
         """
         row = self._database.row(_id_of(key))
         return self._complete(row) if row is not None and _is_of(row, asked) else None
+
+    def require_fresh(self, key: str, published: Callable[[str], bool]) -> None:
+        """Raises IdempotencyKeyError for the key of a job that made a version and was removed since.
+
+        `published` says whether a job of this id made one: what one key has made must never be made again.
+        """
+        job_id = _id_of(key)
+        if self._database.row(job_id) is None and published(job_id):
+            raise IdempotencyKeyError(
+                f"the idempotency key belongs to training job {job_id}, which made a version and was removed since; "
+                "use a new key"
+            )
 
     def submit(
         self,
@@ -194,7 +217,8 @@ class JobQueue:
     def _row(self, job_id: str) -> WorkflowStatus:
         row = self._database.row(job_id)
         if row is None:
-            raise JobNotFoundError(f"there is no training job {job_id[:100]!r}")
+            kept = f"; jobs are kept for {self._keep_days} days after they end" if self._keep_days else ""
+            raise JobNotFoundError(f"there is no training job {job_id[:100]!r}{kept}")
         return row
 
     def _complete(self, row: WorkflowStatus) -> TrainingJob:

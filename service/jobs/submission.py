@@ -19,4 +19,6 @@ def submit(
     known = queue.find(key, request) if key is not None else None
     if known is not None:
         return known, False
+    if key is not None:
+        queue.require_fresh(key, lambda job: store.published_once(request.model, job) is not None)
     return queue.submit(check_request(store, request), actor=actor, key=key, asked=request)

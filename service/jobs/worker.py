@@ -23,6 +23,7 @@ from service.errors import JobsUnavailableError
 from service.jobs.database import JobsDatabase, answering, make_engine, wait_for_server
 from service.jobs.job import APPLICATION, APPLICATION_VERSION, QUEUE
 from service.jobs.lease import make_lease
+from service.jobs.retention import alone, prune
 from service.jobs.workflow import register_workflow
 from service.settings import Settings
 
@@ -32,6 +33,7 @@ ROUND_S = 2.0
 _LOOKS = 2
 _LOOKS_AT_OWN = 4
 _TIDY_EVERY_ROUNDS = 150
+_PRUNE_EVERY_ROUNDS = 1800
 _HAND_BACK_S = 20.0
 _POOL = 8
 _PATIENCE_S = 30.0
@@ -50,7 +52,10 @@ def run_worker(settings: Settings, ending: threading.Event, *, once: bool = Fals
     limit_torch_threads(settings.worker_threads)
     limit_compute_threads(settings.worker_threads)
     worker = Worker(
-        ModelStore.open(settings.store_url, create="://" not in settings.store_url), settings.jobs_url(), ending
+        ModelStore.open(settings.store_url, create="://" not in settings.store_url),
+        settings.jobs_url(),
+        ending,
+        keep_days=settings.keep_jobs_days,
     )
     worker.run(once=once)
 
@@ -58,9 +63,10 @@ def run_worker(settings: Settings, ending: threading.Event, *, once: bool = Fals
 class Worker:
     """One worker. Its name is new in every life: the lock under that name says whether it lives."""
 
-    def __init__(self, store: ModelStore, url: str, ending: threading.Event) -> None:
+    def __init__(self, store: ModelStore, url: str, ending: threading.Event, *, keep_days: int) -> None:
         self.name = f"{socket.gethostname()[:40]}-{os.getpid()}-{uuid.uuid4().hex[:12]}"
         self.store = store
+        self._keep_days = keep_days
         self.database = JobsDatabase.open(url, patience_s=_CLIENT_PATIENCE_S)
         self._engine = make_engine(url, pool_size=_POOL, patience_s=_PATIENCE_S)
         wait_for_server(self._engine, ending)
@@ -131,6 +137,8 @@ class Worker:
                 self._tidy(self.store.jobs_with_work() if rounds % _TIDY_EVERY_ROUNDS == 0 else ())
                 if self._lease.hold():
                     self._look_after_others()
+                if rounds % _PRUNE_EVERY_ROUNDS == 0:
+                    self._prune()
                 if once and not self._anything_left():
                     return
             except (JobsUnavailableError, StoreError) as error:
@@ -156,6 +164,13 @@ class Worker:
         lost = {row.workflow_id for row in running if suspects[row.workflow_id] >= _LOOKS_AT_OWN}
         if lost:
             self.database.take_back(self.name, only=lost)
+
+    def _prune(self) -> None:
+        """Remove jobs that ended long ago, unless another worker is at it."""
+        with alone(self.database) as mine:
+            removed = prune(self.database, self.store, self._keep_days) if mine else 0
+        if removed:
+            _log.info("training jobs removed", jobs=removed, ended_days_ago=self._keep_days)
 
     def _anything_left(self) -> bool:
         return bool(self._running or self.database.rows(["ENQUEUED", "PENDING"], limit=1))

@@ -26,6 +26,7 @@ from service.learning.evaluate import summarise
 from service.learning.network.fit_state import FitState
 from service.training.architectures import Fitting, Prepared, begin_fit
 from service.training.promotion import CANDIDATE, CHAMPION, JobVersion, describe_move, judge, move_candidate
+from service.training.same_weights import same_weights_as
 from service.training.train import Trained, evaluate_fitted, prepare, publish_trained
 
 CHUNK_S = 3.0
@@ -70,7 +71,8 @@ class _Job:
             self._attempt.step(self._prepare)
             fit = self._fit()
             metrics = self._attempt.step(self._evaluate, fit)
-            version = self._attempt.step(self._publish, fit)["version"]
+            published = self._attempt.step(self._publish, fit)
+            version = published["version"]
             candidate = self._attempt.step(self._name_candidate, version)
             judged = self._attempt.step(self._judge, version)
             self._attempt.step(self._tidy)
@@ -82,6 +84,7 @@ class _Job:
             version=version,
             metrics=metrics,
             comparison=judged["comparison"],
+            same_weights_as=published.get("same_weights_as"),  # not of a job that an earlier release began
             promoted=any(move["alias"] == CHAMPION for move in moves),
             moves=tuple(moves),
         )
@@ -149,7 +152,10 @@ class _Job:
                 check=lambda: self._attempt.look(now=True),
             )
         self._attempt.tell(f"published {published.name}@{published.version}")
-        return {"version": published.version}
+        same = same_weights_as(self._store, published)
+        if same:
+            self._attempt.tell(f"its weights are those of {same}")
+        return {"version": published.version, "same_weights_as": same}
 
     def _name_candidate(self, version: int) -> dict[str, Any]:
         move = move_candidate(self._store, self._version(version))

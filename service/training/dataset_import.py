@@ -45,6 +45,7 @@ def import_folder(
         dataset = thinned(dataset, step_s)
         report = replace(report, summary=summarise(dataset))
     record, _ = _publish(store, dataset, report, created_by, description)
+    store.name_dataset(record.id, name, created_by=created_by)
     return record, report
 
 
@@ -62,7 +63,8 @@ def import_upload(
 ) -> UploadResult:
     """Read, validate and publish an uploaded file; with `dry_run` only say what would be.
 
-    The same content is the same dataset whatever its file format and name. `filename` is what the sender calls it,
+    The same content is the same dataset whatever its file format and name: put again under another name it is stored
+    once and has both names. `filename` is what the sender calls it,
     for messages only. Whatever is unpacked goes to a folder of its own below `workspace` (the system's temporary
     folder, if not given) and is removed on return. Raises RejectedDatasetError with the report, InvalidValueError for
     a column map that is not allowed, and what `ModelStore.put_dataset` raises.
@@ -78,9 +80,14 @@ def import_upload(
         )
     if dry_run:
         identity = dataset_id(dataset)
-        return UploadResult(identity, False, _known(store, identity), report)
+        known = _known(store, identity)
+        names = tuple(store.dataset_names(known)) if known else ()
+        return UploadResult(identity, False, known, report, names, known.name if known else None)
     record, created = _publish(store, dataset, report, created_by, form.description)
-    return UploadResult(record.id, created, record, report)
+    names = () if created else tuple(store.dataset_names(record))
+    if form.name is not None:  # one that is made of the file's name is no wish
+        store.name_dataset(record.id, form.name, created_by=created_by)
+    return UploadResult(record.id, created, record, report, names, form.name or record.name)
 
 
 def _known(store: ModelStore, identity: str) -> DatasetRecord | None:

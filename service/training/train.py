@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -35,6 +36,7 @@ from service.training.doubt_report import doubt_report
 from service.training.evidence import TRAIN_REPORT
 from service.training.provenance import code_version, library_versions
 from service.training.report import error_curves, left_out_report
+from service.training.same_weights import version_with
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,10 +150,14 @@ def publish_trained(
 ) -> Manifest:
     """Publish the trained model as the next version of `config.model`; no alias moves.
 
-    For a `job` that is done once only: later calls return the manifest of the first one. `check` is called when the
+    Weights that another version has are published too, since their lineage may differ; the manifest then says so. For a
+    `job` that is done once only: later calls return the manifest of the first one. `check` is called when the
     report is drawn, which takes a second or two, and nothing is written yet; it may raise to leave it at that.
     """
     described_band, files_of_band = _stored_band(trained.band, trained.steeper)
+    weights = weights_bytes(trained.model)
+    lineage = _lineage(config, trained, command, job)
+    same = version_with(store, hashlib.sha256(weights).hexdigest())
     draft = ManifestDraft(
         created_by=created_by,
         description=config.description,
@@ -159,10 +165,10 @@ def publish_trained(
         domain=trained.domain.describe(),
         band=described_band,
         metrics=training_metrics(trained),
-        lineage=_lineage(config, trained, command, job),
+        lineage=lineage.model_copy(update={"same_weights_as": same}),
     )
     files = {
-        WEIGHTS: weights_bytes(trained.model),
+        WEIGHTS: weights,
         TRAIN_REPORT: _report(trained.train_evaluations),
         "report/test.json": _report(trained.test_evaluations),
     }

@@ -23,6 +23,7 @@ def load_twin(store: ModelStore, name: str, version: int) -> Twin:
 
     Raises CheckpointError when the version is whole but cannot become a twin, and what the store raises.
     """
+    store.require_usable(name, version)
     manifest = store.manifest(name, version)
     weights = store.read_file(manifest, WEIGHTS, limit_bytes=MAX_WEIGHTS_BYTES)
     try:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from service.twin.probe import probe
 from service.twin.twin import Twin
 
 _log = logging.getLogger(__name__)
+_LOOK_AT_OTHERS_S = 60.0
 _MAX_FOLLOWED = 64  # aliases in use; the least recently asked for is no longer followed
 
 
@@ -70,6 +72,8 @@ class TwinRegistry:
         self._twins: OrderedDict[tuple[str, int], Twin] = OrderedDict()  # least recently used first
         self._followed: OrderedDict[str, Resolved] = OrderedDict()  # least recently asked for first
         self._failures: dict[str, str] = {}
+        self._asked: set[tuple[str, int]] = set()  # by number, since it was last looked whether they are retired
+        self._looked_at = 0.0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._follow, name="alias-follower", daemon=True)
 
@@ -112,6 +116,8 @@ class TwinRegistry:
             else:
                 resolved = _numbered(key)
             twin = self._touched((resolved.name, resolved.version)) if resolved else None
+            if resolved and resolved.alias is None and twin:
+                self._asked.add((resolved.name, resolved.version))
         return Loaded(twin, resolved.alias) if twin and resolved else None
 
     def unload(self, name: str) -> None:
@@ -137,6 +143,10 @@ class TwinRegistry:
                 keys = {*self._followed, self._default}
             for key in keys:
                 self._refresh(key)
+            try:
+                self._drop_retired()
+            except Exception as error:  # as in `_refresh`; it is tried again
+                _log.warning("cannot see which versions are retired: %s", error)
 
     def _refresh(self, key: str) -> None:
         """Bring one reference up to date; a failure is kept and logged once, not raised: the old twin serves on."""
@@ -150,6 +160,31 @@ class TwinRegistry:
         else:
             with self._lock:
                 self._failures.pop(key, None)
+
+    def _drop_retired(self) -> None:
+        """Drop what was archived or deleted meanwhile, unless an alias that is followed means it, or it is the default.
+
+        Looks after those that were asked for by number at once, after the others once a minute: the store of a service
+        that idles is left alone.
+        """
+        with self._lock:
+            default = _numbered(self._default)
+            kept = {(each.name, each.version) for each in (*self._followed.values(), *([default] if default else ()))}
+            places = self._twins.keys() - kept
+            asked, self._asked = self._asked & places, set()
+        if time.monotonic() < self._looked_at + _LOOK_AT_OTHERS_S:
+            places = asked
+        else:
+            self._looked_at = time.monotonic()
+        gone: set[tuple[str, int]] = set()
+        for name in {name for name, _ in places}:
+            gone |= {(name, version) for version in self._store.retired(name)} & places
+        if gone:
+            with self._lock:
+                for place in gone:
+                    self._twins.pop(place, None)
+            _log.info("dropped, for they are retired: %s", ", ".join(f"{name}@{each}" for name, each in sorted(gone)))
+            self._released()
 
     def _note_failure(self, key: str, reason: str) -> None:
         with self._lock:

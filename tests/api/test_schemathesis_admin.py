@@ -11,7 +11,7 @@ from tests.api.test_schemathesis import CHECKS, SCHEMA
 
 pytestmark = pytest.mark.processes
 
-WRITTEN = r"^/v1/(admin/datasets|models/\{name\}/aliases/\{alias\}(/rollback)?$)"
+WRITTEN = r"^/v1/(admin/(datasets|models)|models/\{name\}/(aliases/\{alias\}(/rollback)?$|versions/\{version\}/state))"
 schema = SCHEMA.include(path_regex=WRITTEN)
 
 

@@ -52,6 +52,7 @@ def test_an_empty_variable_counts_as_unset(monkeypatch):
         ("threads", "0", "1 to 1024"),
         ("max_points", "1", "2 to 10000000"),
         ("max_body_bytes", "x", "1024 to 1073741824"),
+        ("keep_jobs_days", "0", "1 to 36500"),
     ],
 )
 def test_a_wrong_value_names_variable_value_and_range(monkeypatch, field, value, allowed):

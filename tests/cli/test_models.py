@@ -29,7 +29,8 @@ def _publish_again(store):
 
 def test_list(store):
     listed = call("models", "list", "--json", "--store", store).json
-    assert listed == {"models": [{"name": "rover", "versions": [1], "aliases": {"champion": 1}}]}
+    retired = {"archived": [], "deleted": []}
+    assert listed == {"models": [{"name": "rover", "versions": [1], **retired, "aliases": {"champion": 1}}]}
     assert "champion=1" in call("models", "list", "--store", store).out
 
 
@@ -187,3 +188,29 @@ def test_errors(small_store, words, code):
     assert answer.code == code
     assert answer.error
     assert answer.out == ""
+
+
+def test_versions_are_archived_restored_and_deleted(store):
+    _publish_again(store)
+    said = ("--reason", "for a test", "--actor", "ada", "--store", store)
+    archived = call("models", "archive", "rover", "2", "--json", *said).json
+    assert (archived["state"], archived["actor"], archived["reason"]) == ("archived", "ada", "for a test")
+    refused = call("models", "alias", "rover", "champion", "2", "--reason", "x", "--store", store)
+    assert (refused.code, "is archived" in refused.err) == (ExitCode.REFUSED, True)
+    assert call("models", "restore", "rover", "2", *said).out == "rover@2 is published\n"
+    assert call("models", "delete", "rover", "1", *said).code == ExitCode.REFUSED
+    assert call("models", "delete", "rover", "2", *said).out == "rover@2 is deleted\n"
+    assert call("models", "restore", "rover", "2", *said).code == ExitCode.REFUSED
+    listed = call("models", "list", "--json", "--store", store).json["models"][0]
+    assert (listed["versions"], listed["archived"], listed["deleted"]) == ([1], [], [2])
+    shown = call("models", "show", "rover@2", "--store", store)
+    assert ("rover@2" in shown.out, "deleted by ada: for a test" in shown.err) == (True, True)
+    assert call("models", "verify", "--store", store).out == "rover@1 whole\n"
+    assert call("models", "archive", "rover", "3", *said).code == ExitCode.NOT_FOUND
+
+
+def test_the_default_model_of_the_settings_is_kept(store, monkeypatch):
+    _publish_again(store)
+    monkeypatch.setenv("ROVER_TWIN_DEFAULT_MODEL", "rover@2")
+    refused = call("models", "delete", "rover", "2", "--reason", "x", "--store", store)
+    assert (refused.code, "default model" in refused.err) == (ExitCode.REFUSED, True)

@@ -18,6 +18,7 @@ from typing import Any
 
 import pytest
 
+from model_store import ModelStore
 from rover_twin_client import (
     ConflictError,
     ConnectionFailedError,
@@ -30,6 +31,7 @@ from rover_twin_client import (
     training_calls,
 )
 from tests.api.chrono_uploads import archive, run_text
+from tests.api.conftest import publish_version
 from tests.clients.conftest import ask_async, ask_sync
 from tests.clients.operated import REPOSITORY, TOKEN, BreakingLine, OperatedService
 
@@ -383,3 +385,32 @@ def test_a_download_that_does_not_have_its_digest_is_no_file(tmp_path: Path) -> 
         take(b"ns")
     assert target.read_bytes() == b"runs"
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_version_is_taken_out_of_use_and_back(do: Do, service: OperatedService) -> None:
+    store = ModelStore.open(str(service.store))
+    name = f"retired-{time.monotonic_ns()}"
+    made = [publish_version(store, name) for _ in range(2)]
+    archived = do("archive_version", name, made[0], "for a test")
+    assert (archived.state, archived.actor, archived.reason) == ("archived", "admin:the tests", "for a test")
+    assert do("version_state", name, made[0]) == do("archive_version", name, made[0]) == archived
+    assert made[0] in do("model", name).archived
+    with pytest.raises(ConflictError, match="version-archived"):
+        do("move_alias", name, "archived-one", made[0], "x")
+    assert do("restore_version", name, made[0]).state == "published"
+    assert do("delete_version", name, made[0], "a reason").reason == "a reason"
+    assert (made[0] in do("model", name).deleted, made[0] in do("model", name).versions) == (True, False)
+    with pytest.raises(NotFoundError, match="version-deleted"):
+        do("restore_version", name, made[0])
+    do("move_alias", name, "kept", made[1], "x")
+    with pytest.raises(ConflictError, match="version-in-use"):
+        do("delete_version", name, made[1])
+
+
+def test_known_content_says_so_and_is_found_by_both_names(do: Do) -> None:
+    packed = archive(3, seed=time.time_ns() % 1000 / 1e6)
+    first = do("upload_dataset", io.BytesIO(packed), name="known-first", filename="a.zip")
+    again = do("upload_dataset", io.BytesIO(packed), name="known-again", filename="a.zip")
+    assert (first.already_known_as, again.already_known_as, again.name) == ((), ("known-first",), "known-again")
+    assert do("dataset", "known-again").id == do("dataset", "known-first").id == first.id
+    do("delete_dataset", first.id)

@@ -72,6 +72,10 @@ def test_the_same_content_is_created_once_whatever_its_name_and_shape(store):
     assert first.dataset_id == dry.dataset_id
     again = import_upload(opened, path, filename="x", form=UploadForm(name="second"), created_by="me")
     assert (again.dataset_id, again.created, again.record.name) == (first.dataset_id, False, "first")
+    assert (first.already_known_as, again.already_known_as, again.name) == ((), ("first",), "second")
+    assert opened.dataset("second") == opened.dataset("first") == first.record
+    unnamed = import_upload(opened, path, filename="third.zip", form=UploadForm(), created_by="me")
+    assert (unnamed.already_known_as, unnamed.name) == (("first", "second"), "first")
     assert again.report == first.report
     assert first.record == opened.dataset(first.dataset_id)
     assert (first.record.description, first.record.created_by) == ("a set", "tests")

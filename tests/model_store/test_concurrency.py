@@ -20,7 +20,7 @@ BY = {"actor": "tests", "reason": "because"}
 
 CHILD = """
 import json, sys
-from model_store import ConflictError, DatasetDraft, Lineage, ManifestDraft, ModelStore
+from model_store import ConflictError, DatasetDraft, Lineage, ManifestDraft, ModelStore, VersionRetiredError
 
 (me,) = sys.argv[1:]
 draft = ManifestDraft(created_by=me, checkpoint={}, domain={}, metrics={}, lineage=Lineage())
@@ -40,6 +40,24 @@ def expect(store):
         return [store.move_alias("viper", "champion", 1, actor=me, reason="", expected_seq=1).seq]
     except ConflictError:
         return []
+
+
+def contend(store):
+    won = []
+    for alias in ["champion", "candidate"] * 4:
+        try:
+            if int(me[-1]) % 2:
+                won.append(store.move_alias("viper", alias, 2, actor=me, reason="").version)
+                store.move_alias("viper", alias, 1, actor=me, reason="")
+            else:
+                store.archive_version("viper", 2, actor=me, reason="")
+                won.append(sorted(store.retired("viper")))
+                store.restore_version("viper", 2, actor=me, reason="")
+        except (ConflictError, VersionRetiredError):
+            pass
+        for record in store.aliases("viper").values():
+            store.manifest("viper", record.version)
+    return won
 
 
 def dataset(store):
@@ -125,6 +143,16 @@ def test_of_movers_who_expect_the_same_record_one_wins(store, together, files, d
     assert sorted(reports, key=len) == [[]] * (PROCESSES - 1) + [[2]]
     winner = reports.index([2])
     assert store.alias("viper", "champion").actor == f"child-{winner}"
+
+
+def test_movers_and_those_who_retire_at_once_leave_every_alias_on_a_usable_version(store, together, files, draft):
+    for _ in range(2):
+        store.publish("viper", files, draft)
+    reports = together("contend")
+    assert any(reports)
+    for alias, record in store.aliases("viper").items():
+        assert store.resolve(f"viper@{alias}").version == record.version
+        store.require_usable("viper", record.version)
 
 
 def test_one_dataset_put_by_many_at_once_is_one_dataset(store, together):

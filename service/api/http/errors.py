@@ -26,6 +26,9 @@ from model_store import (
     StoreError,
     StoreUnavailableError,
     UnsupportedFormatError,
+    VersionArchivedError,
+    VersionDeletedError,
+    VersionInUseError,
     VersionNotFoundError,
 )
 from service.api.http.exceptions import (
@@ -96,6 +99,9 @@ _SLUGS: tuple[tuple[type[Exception], Slug], ...] = (
     (DatasetInUseError, Slug.DATASET_IN_USE),
     (PreconditionFailedError, Slug.PRECONDITION_FAILED),
     (PreconditionRequiredError, Slug.PRECONDITION_REQUIRED),
+    (VersionInUseError, Slug.VERSION_IN_USE),
+    (VersionArchivedError, Slug.VERSION_ARCHIVED),
+    (VersionDeletedError, Slug.VERSION_DELETED),
     (ConflictError, Slug.CONFLICT),
     (JobNotFoundError, Slug.JOB_NOT_FOUND),
     (JobStateError, Slug.JOB_ENDED),
@@ -252,6 +258,8 @@ def _members_of(error: Exception) -> Iterator[tuple[str, Any]]:
         yield "errors", [_rejection(each).as_json() for each in error.report.rejections[:MAX_FAULTS]]
     elif isinstance(error, DatasetInUseError):
         yield "used_by", {"versions": error.versions[:100], "jobs": error.jobs[:100]}
+    elif isinstance(error, VersionInUseError):
+        yield "aliases", error.aliases
     elif isinstance(error, OutsideDomainError):
         yield "domain", domain_document(error.verdict)
         yield (

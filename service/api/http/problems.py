@@ -31,6 +31,9 @@ class Slug(StrEnum):
     NOT_FOUND = "not-found"
     MODEL_NOT_FOUND = "model-not-found"
     VERSION_NOT_FOUND = "version-not-found"
+    VERSION_ARCHIVED = "version-archived"
+    VERSION_DELETED = "version-deleted"
+    VERSION_IN_USE = "version-in-use"
     ALIAS_NOT_FOUND = "alias-not-found"
     DATASET_NOT_FOUND = "dataset-not-found"
     METHOD_NOT_ALLOWED = "method-not-allowed"
@@ -115,6 +118,24 @@ _ROWS = (
     ProblemKind(Slug.MODEL_NOT_FOUND, 404, "Model not found", "`GET /v1/models` lists the models there are."),
     ProblemKind(
         Slug.VERSION_NOT_FOUND, 404, "Version not found", "`GET /v1/models/{name}` lists the versions of a model."
+    ),
+    ProblemKind(
+        Slug.VERSION_ARCHIVED,
+        409,
+        "Version archived",
+        "The version is out of use: ask for another one, or let the operator restore it.",
+    ),
+    ProblemKind(
+        Slug.VERSION_DELETED,
+        410,
+        "Version deleted",
+        "The version's weights are gone for good; its manifest stays. Ask for another version.",
+    ),
+    ProblemKind(
+        Slug.VERSION_IN_USE,
+        409,
+        "Version in use",
+        "Aliases name the version (`aliases` lists them), or it is the default model: point them elsewhere first.",
     ),
     ProblemKind(
         Slug.ALIAS_NOT_FOUND, 404, "Alias not found", "`GET /v1/models/{name}/aliases` lists the aliases of a model."
@@ -259,4 +280,5 @@ class Problem(BaseModel):
     domain: Annotated[DomainAnswer | None, Field(description="Only with outside-domain.")] = None
     report: Annotated[ReportAnswer | None, Field(description="Only with dataset-rejected.")] = None
     used_by: Annotated[DatasetUsers | None, Field(description="Only with dataset-in-use.")] = None
+    aliases: Annotated[list[str] | None, Field(description="Only with version-in-use.")] = None
     error: Annotated[str, Field(description="The same text as `detail`.")]

@@ -33,6 +33,8 @@ _WRITE_PROBLEMS = (
     *ADMIN_PROBLEMS,
     Slug.MODEL_NOT_FOUND,
     Slug.VERSION_NOT_FOUND,
+    Slug.VERSION_ARCHIVED,
+    Slug.VERSION_DELETED,
     Slug.MALFORMED_BODY,
     Slug.UNSUPPORTED_MEDIA_TYPE,
     Slug.BODY_TOO_LARGE,
@@ -198,7 +200,7 @@ class _Condition:
 
     def __init__(self, name: str, alias: str, if_match: str | None, if_none_match: str | None) -> None:
         self.name, self.alias = name, alias
-        self.tags = None if if_match is None else _tags(if_match)
+        self.tags = None if if_match is None else tags_of(if_match)
         self.absent = if_none_match is not None
         if if_none_match is not None and if_none_match.strip() != ANY:
             raise InvalidInputError(fault("If-None-Match", if_none_match, ANY))
@@ -221,7 +223,8 @@ class _Condition:
             raise PreconditionFailedError(f"alias {self.name}@{self.alias} {is_at}, If-Match is {said}")
 
 
-def _tags(if_match: str) -> set[str]:
+def tags_of(if_match: str) -> set[str]:
+    """The strong entity tags that `If-Match` names, or `*` alone. Raises InvalidInputError."""
     if if_match.strip() == ANY:
         return {ANY}
     tags = set()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated, Any, Self
 
@@ -39,7 +40,12 @@ class UploadAnswer(BaseModel):
     created: Annotated[bool, Field(description="Whether this upload stored it.")]
     stored: Annotated[bool, Field(description="Whether the store has it now, by this upload or before.")]
     dry_run: bool
-    name: Annotated[str | None, Field(description="Its name in the store; null when it is not there.")]
+    name: Annotated[
+        str | None, Field(description="The name that it is found by: as asked for, else its first; null if not stored.")
+    ]
+    already_known_as: Annotated[
+        list[str], Field(description="Its names before this upload, oldest first; none where the content was new.")
+    ] = []
     report: ReportAnswer
     links: DatasetLinks
 
@@ -49,6 +55,7 @@ class DatasetEntry(BaseModel):
 
     id: str
     name: str = ""
+    names: Annotated[list[str], Field(description="Every name that it is found by, the first one first.")] = []
     created_at: datetime | None = None
     created_by: str = ""
     description: str = ""
@@ -73,11 +80,12 @@ class DatasetAnswer(DatasetEntry):
     used_by: DatasetUsers
 
 
-def entry_of(record: DatasetRecord) -> DatasetEntry:
-    """What a list shows of a dataset."""
+def entry_of(record: DatasetRecord, others: Sequence[str]) -> DatasetEntry:
+    """What a list shows of a dataset; `others` are its names beside the first one."""
     return DatasetEntry(
         id=record.id,
         name=record.name,
+        names=list(dict.fromkeys([record.name, *others])),
         created_at=record.created_at,
         created_by=record.created_by,
         description=record.description,

@@ -116,7 +116,10 @@ Reference = Annotated[
         Slug.CONFLICT,
     )
     | {
-        200: {"model": UploadAnswer, "description": "The same content is stored already, or it was a dry run."},
+        200: {
+            "model": UploadAnswer,
+            "description": "The same content is stored already, or it was a dry run; `already_known_as` has its names.",
+        },
         201: {
             "model": UploadAnswer,
             "description": "The dataset is stored.",
@@ -130,7 +133,8 @@ async def post_dataset(request: Request, response: Response, actor: Admin, servi
     its scenario in the form; any of them gzipped. As `multipart/form-data` with a part `file`, or as the raw body.
     Slope, torque and brake that change within a run are columns `slope_deg`, `torque_nm` and `brake` of its rows.
 
-    The id is the digest of the content, so the same upload again answers 200 with the same id. `report` says of every
+    The id is the digest of the content, so the same upload again answers 200 with the same id. Under another `name` it
+    gets that name too, and is found by each of its names. `report` says of every
     run whether it was accepted and, if not, why: file, line, column and reason.
     """
     query = query_pairs(request)
@@ -161,7 +165,8 @@ def _upload_answer(result: UploadResult, *, dry_run: bool) -> UploadAnswer:
             "created": result.created,
             "stored": result.record is not None,
             "dry_run": dry_run,
-            "name": None if result.record is None else result.record.name,
+            "name": result.name,
+            "already_known_as": result.already_known_as,
             "report": report_document(result.report),
             "links": DatasetLinks.of(result.dataset_id),
         }
@@ -245,13 +250,16 @@ def _page(store: ModelStore, asked: DatasetsQuery) -> DatasetsAnswer:
     ids = [each for each in store.dataset_ids() if asked.after is None or each > asked.after]
     shown = ids[: asked.limit]
     more = f"{ADDRESS}?limit={asked.limit}&after={shown[-1]}" if len(ids) > len(shown) else None
-    return DatasetsAnswer(datasets=[_listed(store, identity) for identity in shown], next=more)
+    others = store.other_dataset_names()
+    return DatasetsAnswer(
+        datasets=[_listed(store, identity, others.get(identity, [])) for identity in shown], next=more
+    )
 
 
-def _listed(store: ModelStore, identity: str) -> DatasetEntry:
+def _listed(store: ModelStore, identity: str, others: list[str]) -> DatasetEntry:
     """One damaged dataset must not hide the others."""
     try:
-        return entry_of(store.dataset(identity))
+        return entry_of(store.dataset(identity), others)
     except (CorruptArtefactError, UnsupportedFormatError) as error:
         return DatasetEntry(id=identity, unreadable=str(error), links=DatasetLinks.of(identity))
 
@@ -270,7 +278,7 @@ def _described(services: Services, reference: str) -> DatasetAnswer:
     except JobError:
         jobs = None
     return DatasetAnswer(
-        **entry_of(record).model_dump(),
+        **entry_of(record, services.store.dataset_names(record)).model_dump(),
         passport=json.loads(services.store.read_dataset_file(record.id, PASSPORT_FILE)),
         source=record.source,
         files=record.files,

@@ -59,6 +59,8 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
         Slug.UNSUPPORTED_MEDIA_TYPE,
         Slug.MODEL_NOT_FOUND,
         Slug.VERSION_NOT_FOUND,
+        Slug.VERSION_ARCHIVED,
+        Slug.VERSION_DELETED,
         Slug.ALIAS_NOT_FOUND,
         Slug.NOT_ACCEPTABLE,
         Slug.BODY_TOO_LARGE,

@@ -28,7 +28,11 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
         },
     },
     **NOT_MODIFIED,
-    **problem_responses(Slug.INVALID_INPUT, Slug.MODEL_NOT_FOUND, Slug.VERSION_NOT_FOUND, *MODEL_PROBLEMS),
+    **problem_responses(
+        *(Slug.INVALID_INPUT, Slug.MODEL_NOT_FOUND, Slug.VERSION_NOT_FOUND),
+        *(Slug.VERSION_ARCHIVED, Slug.VERSION_DELETED),
+        *MODEL_PROBLEMS,
+    ),
 }
 
 
@@ -55,6 +59,7 @@ async def get_fmu(
     """
     require_name(name)
     manifest = await services.manifest(name, version)
+    await services.storage.run(lambda: services.store.require_usable(name, version))
     tag = await services.storage.run(lambda: tag_of(manifest, asked.fmi))  # of manifests that are long
     delivery = Delivery.of(request, _MEDIA_TYPE, text=False, negotiated=False).tagged(request, tag.encode(), fixed=True)
     if nothing_new := delivery.not_modified():

@@ -55,6 +55,8 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
         Slug.INVALID_INPUT,
         Slug.MODEL_NOT_FOUND,
         Slug.VERSION_NOT_FOUND,
+        Slug.VERSION_ARCHIVED,
+        Slug.VERSION_DELETED,
         Slug.ALIAS_NOT_FOUND,
         Slug.NOT_ACCEPTABLE,
         Slug.ARTEFACT_CORRUPT,

@@ -27,13 +27,16 @@ from service.wire.whole_numbers import PLAIN_INTEGER
 
 
 class ModelEntry(BaseModel):
-    """A model with its published versions, rising, and the version that each alias points to.
+    """A model with its versions, rising, and the version that each alias points to. `versions` can be used; `archived`
+    ones could be restored, `deleted` ones have a manifest and a report left.
 
     `unreadable` says why the aliases of a model with a damaged record are not shown; null when all is well.
     """
 
     name: str
     versions: list[int]
+    archived: list[int] = []
+    deleted: list[int] = []
     aliases: dict[str, int]
     unreadable: str | None = None
 
@@ -125,16 +128,21 @@ def _listed(store: ModelStore, name: str) -> ModelEntry:
     try:
         return _entry(store, name)
     except (CorruptArtefactError, UnsupportedFormatError) as error:
-        return ModelEntry(name=name, versions=store.versions(name), aliases={}, unreadable=str(error))
+        return ModelEntry(name=name, versions=store.versions(name, retired=True), aliases={}, unreadable=str(error))
 
 
 def _entry(store: ModelStore, name: str) -> ModelEntry:
     aliases = {alias: record.version for alias, record in store.aliases(name).items()}
-    return ModelEntry(name=name, versions=store.versions(name), aliases=aliases)
+    retired = store.retired(name)
+    archived = sorted(version for version, each in retired.items() if each.state == "archived")
+    deleted = sorted(retired.keys() - set(archived))
+    versions = [version for version in store.versions(name, retired=True) if version not in retired]
+    return ModelEntry(name=name, versions=versions, archived=archived, deleted=deleted, aliases=aliases)
 
 
 def _described(store: ModelStore, name: str) -> ModelAnswer:
     entry = _entry(store, name)
-    shown = entry.aliases.get(DEFAULT_ALIAS, entry.versions[-1])
+    newest = max(entry.versions or entry.archived or entry.deleted)
+    shown = entry.aliases.get(DEFAULT_ALIAS, newest)
     description = store.manifest(name, shown).description
     return ModelAnswer(**entry.model_dump(), description=description)

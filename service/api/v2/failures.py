@@ -14,10 +14,11 @@ from fastapi import Response
 from pydantic import BaseModel, Field
 
 from service.api.http.errors import Told
-from service.api.http.problems import PROBLEMS
+from service.api.http.problems import PROBLEMS, Slug
 from service.errors import RoverTwinError
 
 PREFIX = "/v2"
+_NOT_THERE = frozenset({Slug.VERSION_ARCHIVED, Slug.VERSION_DELETED})  # the protocol knows no 409 and no 410
 _UNPROCESSABLE = 422  # of our own routes; the protocol knows 400 only
 _MEANINGS = {
     400: "The request is malformed, or a tensor or parameter is not allowed; `error` names it, its value and range.",
@@ -48,7 +49,7 @@ def failure(error: Exception, tell: Callable[[Exception], Told]) -> Response:
     if isinstance(error, UnsupportedError):
         return _response(501, str(error), {})
     told = tell(error)
-    status = PROBLEMS[told.slug].status
+    status = 404 if told.slug in _NOT_THERE else PROBLEMS[told.slug].status
     return _response(400 if status == _UNPROCESSABLE else status, told.detail, told.headers)
 
 

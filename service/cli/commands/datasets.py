@@ -60,7 +60,9 @@ def list_datasets(store: options.Store = None, json: options.Json = False) -> No
     opened = open_store(store)
     records = [opened.dataset(identity) for identity in opened.dataset_ids()]
     if json:
-        print_json({"datasets": [record.model_dump(mode="json") for record in records]})
+        others = opened.other_dataset_names()
+        names = {record.id: [record.name, *others.get(record.id, ())] for record in records}
+        print_json({"datasets": [{**record.model_dump(mode="json"), "names": names[record.id]} for record in records]})
     else:
         print_answer(datasets_table(records))
 
@@ -75,11 +77,13 @@ def show_dataset(dataset: Identity, store: options.Store = None, json: options.J
     """
     from service.cli.views.datasets import dataset_facts
 
-    record = open_store(store).dataset(dataset)
+    opened = open_store(store)
+    record = opened.dataset(dataset)
+    names = opened.dataset_names(record)
     if json:
-        print_json(record.model_dump(mode="json"))
+        print_json(record.model_dump(mode="json") | {"names": names})
     else:
-        print_answer(dataset_facts(record))
+        print_answer(dataset_facts(record, names))
 
 
 @app.command("preview")
@@ -244,13 +248,14 @@ def upload_file(
                 "id": result.dataset_id,
                 "created": result.created,
                 "dry_run": dry_run,
+                "already_known_as": list(result.already_known_as),
                 "dataset": result.record.model_dump(mode="json") if result.record else None,
                 "report": result.report.as_json(),
             }
         )
         return
     runs = f"{len(result.report.accepted)} runs, {len(result.report.rejected)} rejected"
-    known = f", stored before as {result.record.name}" if result.record and not result.created else ""
+    known = f", stored before as {', '.join(result.already_known_as)}" if result.already_known_as else ""
     print(f"dataset {result.dataset_id}{known}: {runs}{', nothing stored' if dry_run else ''}")
 
 

@@ -266,6 +266,43 @@ def show_log(
         print(f"{line['time']} {line['message']}")
 
 
+@app.command("prune")
+def prune_jobs(
+    older_than_days: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            max=36_500,
+            help="Only jobs that ended more than N days ago. Default: ROVER_TWIN_KEEP_JOBS_DAYS, else 90.",
+            show_default=False,
+        ),
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Count them, and remove none.")] = False,
+    store: options.Store = None,
+    database: options.Database = None,
+    json: options.Json = False,
+) -> None:
+    """Remove jobs that ended long ago, with their events, logs and keys; at most 10,000 of them. Workers do so hourly.
+
+    Versions stay, with all that they know of the job that made them. Jobs that wait or run are never removed.
+
+    Examples:
+      rover-twin jobs prune --older-than-days 30 --dry-run
+      rover-twin jobs prune --older-than-days 30
+    """
+    from service.settings import load_settings
+
+    days = older_than_days or load_settings().keep_jobs_days
+    with _queue(store, database) as queue:
+        removed = queue.prune(open_store(store), days, dry_run=dry_run)
+    if json:
+        print_json({"jobs": removed, "older_than_days": days, "dry_run": dry_run})
+    else:
+        verb = "would be removed" if dry_run else "removed"
+        print(f"{removed} jobs that ended more than {days} days ago {verb}")
+
+
 @contextmanager
 def _queue(store: str | None, database: str | None) -> Iterator[JobQueue]:
     """The queue that the settings name. The store is looked at first, so that a wrong one is not made."""
@@ -274,7 +311,7 @@ def _queue(store: str | None, database: str | None) -> Iterator[JobQueue]:
 
     settings = load_settings(store_url=store, jobs_database_url=database)
     open_store(store)
-    with closing(JobQueue.open(settings.jobs_url(), settings.max_queued_jobs)) as queue:
+    with closing(JobQueue.open(settings.jobs_url(), settings.max_queued_jobs, settings.keep_jobs_days)) as queue:
         yield queue
 
 

@@ -15,16 +15,17 @@ from service.cli.output import make_table, note, print_answer, print_json
 from service.cli.store_access import check_names, open_store
 
 if TYPE_CHECKING:
-    from model_store import AliasRecord
+    from model_store import AliasRecord, ModelStore
 
 app = typer.Typer(
     name="models",
-    help="Look at models, their versions and aliases; move an alias and take the move back.",
+    help="Look at models, their versions and aliases; move aliases, take versions out of use.",
     no_args_is_help=True,
 )
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the model.")]
 Alias = Annotated[str, typer.Argument(metavar="ALIAS", help="Name of the alias, such as champion.")]
+Number = Annotated[int, typer.Argument(metavar="VERSION", help="Number of the version.")]
 IfAt = Annotated[
     int | None,
     typer.Option(
@@ -47,12 +48,13 @@ def list_models(store: options.Store = None, json: options.Json = False) -> None
 
     models, unreadable = list_all(open_store(store))
     if json:
-        print_json({"models": [{key: each[key] for key in ("name", "versions", "aliases")} for each in models]})
+        shown = ("name", "versions", "archived", "deleted", "aliases")
+        print_json({"models": [{key: each[key] for key in shown} for each in models]})
     else:
         table = make_table("name", "versions", "aliases", "description", left=4)
         for each in models:
             aliases = ", ".join(f"{alias}={version}" for alias, version in each["aliases"].items())
-            versions = ", ".join(map(str, each["versions"]))
+            versions = ", ".join(map(str, each["versions"])) or "none in use"
             table.add_row(each["name"], versions, aliases or "-", each["description"])
         print_answer(table)
     for reason in unreadable:
@@ -85,6 +87,9 @@ def show_version(
     if json:
         print_json(manifest.model_dump(mode="json"))
         return
+    state, record = opened.version_state(manifest.name, manifest.version)
+    if record is not None:
+        note(f"{state} by {record.actor}: {record.reason or 'no reason given'}")
     for part in describe(manifest, dataset_names(opened, manifest)):
         print_answer(part)
 
@@ -248,6 +253,79 @@ def show_history(name: Name, alias: Alias, store: options.Store = None, json: op
         time = record.time.isoformat(timespec="seconds")
         table.add_row(str(record.seq), str(record.version), time, record.actor, record.reason)
     print_answer(table)
+
+
+@app.command("archive")
+def archive_version(
+    name: Name,
+    version: Number,
+    reason: options.Reason,
+    actor: options.Actor = None,
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Take a version out of use; everything of it is kept. Refused (exit code 4) while an alias names it.
+
+    Services that have it in memory drop it within seconds.
+
+    Example:
+      rover-twin models archive my-rover 2 --reason "slides where the rover climbed"
+    """
+    from service.cli.actions.version_states import retire
+
+    retire(open_store(store), "archived", name, version, actor=options.actor_name(actor), reason=reason)
+    _show_state(open_store(store), name, version, json)
+
+
+@app.command("restore")
+def restore_version(
+    name: Name,
+    version: Number,
+    reason: options.Reason,
+    actor: options.Actor = None,
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Bring an archived version back into use. One that was deleted stays so (exit code 4).
+
+    Example:
+      rover-twin models restore my-rover 2 --reason "it was the soil"
+    """
+    opened = open_store(store)
+    opened.restore_version(name, version, actor=options.actor_name(actor), reason=reason)
+    _show_state(opened, name, version, json)
+
+
+@app.command("delete")
+def delete_version(
+    name: Name,
+    version: Number,
+    reason: options.Reason,
+    actor: options.Actor = None,
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Remove a version's weights for good. Refused (exit code 4) while an alias names it.
+
+    Its number is never used again, and its manifest and report stay: `models show` still says what it was made from.
+
+    Example:
+      rover-twin models delete my-rover 2 --reason "trained on the wrong soil"
+    """
+    from service.cli.actions.version_states import retire
+
+    retire(open_store(store), "deleted", name, version, actor=options.actor_name(actor), reason=reason)
+    _show_state(open_store(store), name, version, json)
+
+
+def _show_state(store: ModelStore, name: str, version: int, json: bool) -> None:
+    from service.cli.actions.version_states import describe_state
+
+    state = describe_state(store, name, version)
+    if json:
+        print_json(state)
+    else:
+        print(f"{name}@{version} is {state['state']}")
 
 
 @contextmanager

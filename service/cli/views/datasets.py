@@ -31,12 +31,12 @@ def datasets_table(records: Sequence[DatasetRecord]) -> Table:
     return table
 
 
-def dataset_facts(record: DatasetRecord) -> Table:
-    """Everything a person asks of one dataset."""
+def dataset_facts(record: DatasetRecord, names: Sequence[str]) -> Table:
+    """Everything a person asks of one dataset; `names` are all that find it."""
     summary = record.summary
     sets, columns = summary.get("sets"), summary.get("columns")
     facts = {
-        "name": record.name,
+        "name": ", ".join(names),
         "description": record.description,
         "published": f"{record.created_at.isoformat(timespec='seconds')} by {record.created_by}",
         "runs": summary.get("runs"),

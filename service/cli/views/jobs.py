@@ -42,6 +42,7 @@ def job_facts(job: TrainingJob) -> Table:
         "attempts": job.attempts,
         "progress": _progress(job),
         "version": f"{result.model}@{result.version}" if result else None,
+        "same weights as": result.same_weights_as if result else None,
         "aliases moved": ", ".join(str(move.get("alias")) for move in result.moves) if result else None,
         "beside the champion": _comparison(job),
         "failure": f"{failure.type}: {failure.message}" if failure else None,

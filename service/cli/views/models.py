@@ -24,7 +24,7 @@ from service.cli.views.errors import error_table
 
 
 def list_all(store: ModelStore) -> tuple[list[dict[str, Any]], list[str]]:
-    """Every model as (name, versions, aliases, description), and why others cannot be read."""
+    """Every model as (name, versions, archived, deleted, aliases, description), and why others cannot be read."""
     models: list[dict[str, Any]] = []
     unreadable: list[str] = []
     for name in store.model_names():
@@ -34,8 +34,13 @@ def list_all(store: ModelStore) -> tuple[list[dict[str, Any]], list[str]]:
         except StoreError as error:
             unreadable.append(f"{name}: {error}")
             continue
-        versions = store.versions(name)
-        models.append({"name": name, "versions": versions, "aliases": aliases, "description": manifest.description})
+        states = {number: each.state for number, each in store.retired(name).items()}
+        lists = {
+            "versions": [number for number in store.versions(name, retired=True) if number not in states],
+            "archived": sorted(number for number, state in states.items() if state == "archived"),
+            "deleted": sorted(number for number, state in states.items() if state == "deleted"),
+        }
+        models.append({"name": name, **lists, "aliases": aliases, "description": manifest.description})
     return models, unreadable
 
 
@@ -46,7 +51,8 @@ def find_version(store: ModelStore, reference: str) -> Manifest:
     except AliasNotFoundError:
         if "@" in reference:
             raise
-        return store.manifest(reference, store.versions(reference)[-1])
+        versions = store.versions(reference) or store.versions(reference, retired=True)
+        return store.manifest(reference, versions[-1])
     return store.manifest(resolved.name, resolved.version)
 
 
@@ -56,14 +62,21 @@ def verify(store: ModelStore, reference: str | None) -> list[tuple[str, str | No
     Raises NotFoundError when what was asked for is not there.
     """
     if reference is None:
-        places = [(name, version) for name in store.model_names() for version in store.versions(name)]
+        places = [(name, version) for name in store.model_names() for version in _kept(store, name)]
     elif "@" in reference:
         resolved = store.resolve(reference)
         places = [(resolved.name, resolved.version)]
     else:
         name = parse_reference(reference).name
-        places = [(name, version) for version in store.versions(name)]
+        places = [(name, version) for version in _kept(store, name)]
     return [(f"{name}@{version}", _damage(store, name, version)) for name, version in places]
+
+
+def _kept(store: ModelStore, name: str) -> list[int]:
+    """All versions but those that were deleted, of which no files are left to verify."""
+    retired = store.retired(name)
+    versions = store.versions(name, retired=True)
+    return [version for version in versions if version not in retired or retired[version].state != "deleted"]
 
 
 def _damage(store: ModelStore, name: str, version: int) -> str | None:
@@ -138,6 +151,7 @@ def _lineage(manifest: Manifest, datasets: Mapping[str, str]) -> RenderableType:
         "libraries": ", ".join(f"{name} {version}" for name, version in lineage.libraries.items()),
         "command": lineage.command,
         "weights sha256": manifest.files[WEIGHTS].sha256 if WEIGHTS in manifest.files else None,
+        "same weights as": lineage.same_weights_as,
         "made again by": f"rover-twin train --like {manifest.name}@{manifest.version} --no-publish",
     }
     _add_rows(table, facts)

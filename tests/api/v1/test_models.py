@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 
+NONE_RETIRED = {"archived": [], "deleted": [], "unreadable": None}
+
 
 def test_the_list_names_versions_and_aliases(service):
     assert service.get("/v1/models").json() == {
-        "models": [{"name": "viper-lunar", "versions": [1, 2], "aliases": {"champion": 1}, "unreadable": None}]
+        "models": [{"name": "viper-lunar", "versions": [1, 2], "aliases": {"champion": 1}} | NONE_RETIRED]
     }
 
 

@@ -74,6 +74,7 @@ from rover_twin_client.training import (
     TrainingJob,
     Upload,
     UploadReport,
+    VersionState,
 )
 
 __all__ = [
@@ -133,4 +134,5 @@ __all__ = [
     "UnexpectedAnswerError",
     "Upload",
     "UploadReport",
+    "VersionState",
 ]

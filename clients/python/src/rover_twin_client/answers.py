@@ -217,12 +217,14 @@ class SuggestedRuns:
 
 @dataclass(frozen=True, slots=True)
 class ModelInfo:
-    """A model: its published versions in rising order, and the version of each alias."""
+    """A model: its versions that can be used, archived and deleted ones, rising; and the version of each alias."""
 
     name: str
     versions: tuple[int, ...]
     aliases: Mapping[str, int]
     description: str | None = None
+    archived: tuple[int, ...] = ()
+    deleted: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,8 @@
     │   │   └── DatasetRejectedError  an upload was refused: `report` says why
     │   ├── NotAllowedError       401, 403: the token is missing, wrong, or may only read (PermissionError)
     │   ├── NotFoundError         404: no such model, version, alias, dataset, job or address (also LookupError)
-    │   ├── ConflictError         409, 412, 428: the resource is in use, has ended, or has moved
+    │   │                         410: the version was deleted
+    │   ├── ConflictError         409, 412, 428: the resource is in use, archived, has ended, or has moved
     │   └── QueueFullError        429: too many jobs wait (`retry_after_s`)
     ├── ServerError               5xx: the service failed
     │   └── NotReadyError         503: try again later (`retry_after_s` when the service says how long)
@@ -116,7 +117,7 @@ class NotAllowedError(RefusedError, PermissionError):
 
 
 class NotFoundError(RefusedError, LookupError):
-    """No such model, version, alias, dataset, job or address."""
+    """No such model, version, alias, dataset, job or address, or the version was deleted."""
 
 
 class ConflictError(RefusedError):

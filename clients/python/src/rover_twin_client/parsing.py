@@ -97,10 +97,16 @@ def model(answer: Node) -> ModelInfo:
     """The answer of /v1/models/{name}."""
     return ModelInfo(
         name=answer["name"].text(),
-        versions=tuple(sorted(version.whole() for version in answer["versions"].items())),
+        versions=_rising(answer["versions"]),
         aliases=MappingProxyType({alias: v.whole() for alias, v in answer["aliases"].members()}),
         description=answer.optional("description", Node.text),
+        archived=answer.optional("archived", _rising) or (),
+        deleted=answer.optional("deleted", _rising) or (),
     )
+
+
+def _rising(numbers: Node) -> tuple[int, ...]:
+    return tuple(sorted(number.whole() for number in numbers.items()))
 
 
 def manifest(answer: Node) -> dict[str, Any]:

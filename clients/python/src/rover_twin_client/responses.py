@@ -62,7 +62,7 @@ def failure(status: int, headers: Mapping[str, str], content: bytes) -> RoverTwi
         return NotReadyError(message, problem, _retry_after_s(headers))
     if status >= HTTPStatus.INTERNAL_SERVER_ERROR:
         return ServerError(message, problem)
-    if status == HTTPStatus.NOT_FOUND:
+    if status in (HTTPStatus.NOT_FOUND, HTTPStatus.GONE):
         return NotFoundError(message, problem)
     if status in (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN) or problem.slug == "too-many-attempts":
         return NotAllowedError(message, problem)

@@ -12,6 +12,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 EndedState: TypeAlias = Literal["succeeded", "failed", "cancelled"]
 JobState: TypeAlias = Literal["queued", "running", EndedState]
+VersionStateName: TypeAlias = Literal["published", "archived", "deleted"]
 Promotion: TypeAlias = Literal["never", "if_better"]
 PreviewFormat: TypeAlias = Literal["svg", "png"]
 
@@ -50,7 +51,7 @@ class Upload:
     """The result of an upload. The same runs always have the same `id`, in any file format.
 
     `created` means that this upload stored the dataset. `stored` means that the store has it, from this upload or from
-    an earlier one.
+    an earlier one. `already_known_as` are the names it had before; the `name` of this upload finds it too.
     """
 
     id: str
@@ -59,6 +60,7 @@ class Upload:
     stored: bool
     dry_run: bool
     report: UploadReport
+    already_known_as: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +108,7 @@ class JobResult:
     """The version that a job made. `comparison` compares it with the champion; its `sentence` is for people.
 
     `promoted` says whether the alias champion moved to this version. `moves` lists every alias that moved.
+    `same_weights_as` is another version with the very same weights, such as `viper-lunar@5`, or None.
     """
 
     model: str
@@ -114,6 +117,7 @@ class JobResult:
     metrics: Mapping[str, Any]
     comparison: Mapping[str, Any] | None
     moves: tuple[Mapping[str, Any], ...]
+    same_weights_as: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,3 +187,15 @@ class Alias:
     def etag(self) -> str:
         """The tag of this move; `move_alias` and `rollback_alias` accept it as `expected`."""
         return f'"{self.seq}"'
+
+
+@dataclass(frozen=True, slots=True)
+class VersionState:
+    """Whether a version can be used. `since`, `actor` and `reason` are None for one that is published."""
+
+    name: str
+    version: int
+    state: VersionStateName
+    since: datetime | None
+    actor: str | None
+    reason: str | None

@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from rover_twin_client import training_parsing as parsing
 from rover_twin_client.calls import Call, checked_name, finite, refused, said, whole
-from rover_twin_client.training import Alias, Dataset, DatasetInfo, TrainingJob, Upload
+from rover_twin_client.training import Alias, Dataset, DatasetInfo, TrainingJob, Upload, VersionState
 
 DATASETS = "/v1/admin/datasets"
 JOBS = "/v1/admin/training-jobs"
@@ -165,6 +165,27 @@ def rollback_alias(name: str, alias: str, reason: str, expected: Alias | str | N
     path = f"{_alias_path(name, alias)}/rollback"
     headers = _condition(expected)
     return Call(path, parsing.alias, method="POST", json={"reason": reason}, headers=headers, retried=False)
+
+
+def version_state(name: str, version: int) -> Call[VersionState]:
+    """GET /v1/models/{name}/versions/{version}/state."""
+    return Call(f"/v1/{_version_path(name, version)}/state", parsing.version_state)
+
+
+def change_version(name: str, version: int, change: str, reason: str) -> Call[VersionState]:
+    """POST /v1/admin/models/{name}/versions/{version}/archive or /restore. Harmless to repeat."""
+    path = f"/v1/admin/{_version_path(name, version)}/{change}"
+    return Call(path, parsing.version_state, method="POST", json={"reason": reason}, token=True)
+
+
+def delete_version(name: str, version: int, reason: str) -> Call[VersionState]:
+    """DELETE /v1/admin/models/{name}/versions/{version}. Harmless to repeat."""
+    path = f"/v1/admin/{_version_path(name, version)}"
+    return Call(path, parsing.version_state, {"reason": reason}, method="DELETE", token=True)
+
+
+def _version_path(name: str, version: int) -> str:
+    return f"models/{checked_name(name)}/versions/{whole('version', version)}"
 
 
 def _condition(expected: Alias | str | None) -> dict[str, str]:

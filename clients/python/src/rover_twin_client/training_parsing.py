@@ -21,6 +21,8 @@ from rover_twin_client.training import (
     TrainingJob,
     Upload,
     UploadReport,
+    VersionState,
+    VersionStateName,
 )
 
 
@@ -33,6 +35,7 @@ def upload(answer: Node) -> Upload:
         stored=answer["stored"].flag(),
         dry_run=answer["dry_run"].flag(),
         report=report(answer["report"]),
+        already_known_as=answer.optional("already_known_as", _texts) or (),
     )
 
 
@@ -108,6 +111,18 @@ def aliases(answer: Node) -> list[Alias]:
     return [alias(item) for item in answer["history"].items()]
 
 
+def version_state(answer: Node) -> VersionState:
+    """The answer of /v1/models/{name}/versions/{version}/state, and of what changes it."""
+    return VersionState(
+        name=answer["name"].text(),
+        version=answer["version"].whole(),
+        state=_version_state(answer["state"]),
+        since=answer.optional("since", Node.moment),
+        actor=answer.optional("actor", Node.text),
+        reason=answer.optional("reason", Node.text),
+    )
+
+
 def content(answer: Node) -> bytes:
     """The body of the answer, unchanged."""
     body: bytes = answer.value
@@ -161,6 +176,7 @@ def _result(node: Node) -> JobResult:
         metrics=_members(node["metrics"]),
         comparison=node.optional("comparison", _members),
         moves=tuple(_members(item) for item in node["moves"].items()),
+        same_weights_as=node.optional("same_weights_as", Node.text),
     )
 
 
@@ -169,9 +185,17 @@ def _failure(node: Node) -> JobFailure:
 
 
 def _state(node: Node) -> JobState:
-    if node.text() not in get_args(JobState):
-        raise UnexpectedAnswerError(f"{node.path} is {node.value!r}, expected one of {', '.join(get_args(JobState))}")
-    return cast("JobState", node.value)
+    return cast("JobState", _one_of(node, get_args(JobState)))
+
+
+def _version_state(node: Node) -> VersionStateName:
+    return cast("VersionStateName", _one_of(node, get_args(VersionStateName)))
+
+
+def _one_of(node: Node, words: tuple[str, ...]) -> str:
+    if node.text() not in words:
+        raise UnexpectedAnswerError(f"{node.path} is {node.value!r}, expected one of {', '.join(words)}")
+    return node.text()
 
 
 def _members(node: Node) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""The operator's calls: datasets, training jobs and aliases."""
+"""The operator's calls: datasets, training jobs, aliases and versions."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ from rover_twin_client.training import (
     Promotion,
     TrainingJob,
     Upload,
+    VersionState,
 )
 
 
 class AsyncTrainingClient(AsyncConnection):
-    """Datasets, training jobs and aliases. Every call needs `token`, of scope admin where it changes something.
+    """Datasets, training jobs, aliases and versions. Every call needs `token`, of scope admin where it changes things.
 
-    The two that read an alias need none.
+    Those that read an alias or the state of a version need none.
 
     A call without the token, or with a wrong one, raises NotAllowedError.
     """
@@ -228,3 +229,25 @@ class AsyncTrainingClient(AsyncConnection):
         ConflictError when there is no version to go back to, when the alias is not what was `expected`, and without it.
         """
         return await self._answer(calls.rollback_alias(name, alias, reason, expected))
+
+    async def version_state(self, name: str, version: int) -> VersionState:
+        """Returns whether a version is published, archived or deleted; raises NotFoundError. Needs no token."""
+        return await self._answer(calls.version_state(name, version))
+
+    async def archive_version(self, name: str, version: int, reason: str = "") -> VersionState:
+        """Takes a version out of use; everything of it is kept. Archiving it again changes nothing.
+
+        Raises ConflictError while an alias names it, NotFoundError for one that was deleted.
+        """
+        return await self._answer(calls.change_version(name, version, "archive", reason))
+
+    async def restore_version(self, name: str, version: int, reason: str = "") -> VersionState:
+        """Brings an archived version back into use; raises NotFoundError for one that was deleted."""
+        return await self._answer(calls.change_version(name, version, "restore", reason))
+
+    async def delete_version(self, name: str, version: int, reason: str = "") -> VersionState:
+        """Removes the weights of a version for good; its manifest stays. Its number is never used again.
+
+        Raises ConflictError while an alias names it.
+        """
+        return await self._answer(calls.delete_version(name, version, reason))
