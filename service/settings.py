@@ -161,9 +161,9 @@ class Settings(BaseSettings):
         default=256, description="Predictions that may wait for a thread; the next one is refused with a 503."
     )
     refusals_per_s: Annotated[int, Field(ge=1, le=100_000)] = Field(
-        default=200,
+        default=100,
         description="Predictions in a second that are refused with a 503 when they come. If more come each waits for "
-        "its turn, 3 seconds at most, so that clients that ask again at once slow themselves down.",
+        "its turn, 4.5 seconds at most, so that clients that ask again at once slow themselves down.",
     )
     max_connections: Annotated[int, Field(ge=16, le=1_000_000)] = Field(
         default=2048,

@@ -11,7 +11,7 @@ import asyncio
 import time
 from collections.abc import Callable
 
-LONGEST_WAIT_S = 3.0
+LONGEST_WAIT_S = 4.5  # many clients give up after 5
 
 
 class Pace:

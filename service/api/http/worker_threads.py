@@ -74,7 +74,7 @@ class WorkerThreads:
             self._admit()
             return call()
 
-        if asker is not None:
+        if asker is not None and self._limiter.available_tokens < 1:
             async with self._limiter:
                 if await asker.is_disconnected():
                     raise ClientGoneError
