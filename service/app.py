@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from functools import partial
 from types import FrameType
 from typing import Any, NamedTuple
 
@@ -29,13 +30,15 @@ from service.api import health, metrics
 from service.api.access import Access
 from service.api.admin import Gate
 from service.api.http import docs
+from service.api.http.accepting import Acceptor
 from service.api.http.answer_bytes import AnswerBytes, WaitingBytes
 from service.api.http.body_limit import BodyLimit
-from service.api.http.connection import HEALTH_PATHS, ConnectionLimits, Connections, allow_files
+from service.api.http.connection import HEALTH_PATHS, ConnectionLimits, Connections, GuardedProtocol, allow_files
 from service.api.http.errors import ErrorAnswers
 from service.api.http.instruments import Instruments
 from service.api.http.lanes import Lanes, lanes_of
 from service.api.http.openapi import openapi_of
+from service.api.http.pace import Pace
 from service.api.http.request_log import RequestLog, client_of, write_refusal
 from service.api.http.semantics import Semantics
 from service.api.http.templates import Templates
@@ -118,13 +121,14 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[LifespanState]:
+        pace = Pace(settings.refusals_per_s)
         services = Services(
             settings=settings,
             lifecycle=state,
             store=store,
             registry=registry,
-            predictions=WorkerThreads("predictions", threads, settings.max_waiting, waiting.require_room),
-            storage=WorkerThreads("store reads", _STORAGE_THREADS, settings.max_waiting),
+            predictions=WorkerThreads("predictions", threads, settings.max_waiting, waiting.require_room, pace),
+            storage=WorkerThreads("store reads", _STORAGE_THREADS, settings.max_waiting, pace=pace),
             instruments=counting,
             access=access,
             jobs=jobs,
@@ -240,7 +244,9 @@ def _prepare_routes(app: FastAPI) -> None:
 class Server(uvicorn.Server):
     """Uvicorn, which on SIGTERM first lets readiness answer 503 for `drain_s`, then stops taking requests.
 
-    A load balancer needs that time to see it. SIGINT (Ctrl+C), or a second signal, ends without it.
+    A load balancer needs that time to see it. Until then all are answered, and told that their connection ends: one
+    that is closed unannounced fails the request that is on its way. SIGINT (Ctrl+C), or a second signal, ends without
+    it.
     """
 
     def __init__(self, config: uvicorn.Config, lifecycle: Lifecycle, drain_s: float, connections: Connections) -> None:
@@ -259,16 +265,31 @@ class Server(uvicorn.Server):
         else:
             super().handle_exit(sig, frame)
 
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Starts the app, and listens."""
+        await super().startup(sockets)
+        state = self.lifespan.state
+        protocol = partial(GuardedProtocol, self._connections, self.config, self.server_state, state)
+        doors = [each.fileno() for server in self.servers for each in server.sockets]
+        self._acceptor = Acceptor(doors, protocol)
+        self._connections.arrived = self._acceptor.take
+
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """No new requests from here on: streams end, live connections hand back what they keep, all others finish."""
         self._lifecycle.ending = True
+        self._connections.close()
         await self._lifecycle.live.end(min(_PARTING_S, float(self.config.timeout_graceful_shutdown or _PARTING_S)))
+        self._acceptor.take(self.config.backlog)  # whom the system let in is answered, and not reset
+        await self._acceptor.settle()
+        self._acceptor.close()
         await super().shutdown(sockets)
 
     async def on_tick(self, counter: int) -> bool:
         """Called ten times a second; true ends the serving."""
         if counter % _TICKS_OF_A_SECOND == 0:
             self._connections.sweep()
+        if self._lifecycle.draining and not self._connections.ending:
+            self._connections.announce_end()
         if not self.should_exit and self._ends_at is not None and time.monotonic() >= self._ends_at:
             self.handle_exit(signal.SIGTERM, None)
         return await super().on_tick(counter)
@@ -348,6 +369,7 @@ def make_server(app: FastAPI, settings: Settings, lifecycle: Lifecycle, instrume
         access_log=False,  # request_log.py writes it
         server_header=False,
         proxy_headers=False,
+        timeout_keep_alive=settings.keep_alive_s,
         timeout_graceful_shutdown=settings.shutdown_grace_s,
     )
     return Server(config, lifecycle, settings.drain_s, connections)

@@ -160,6 +160,11 @@ class Settings(BaseSettings):
     max_waiting: Annotated[int, Field(ge=0, le=100_000)] = Field(
         default=256, description="Predictions that may wait for a thread; the next one is refused with a 503."
     )
+    refusals_per_s: Annotated[int, Field(ge=1, le=100_000)] = Field(
+        default=100,
+        description="Predictions in a second that are refused with a 503 when they come. If more come each waits for "
+        "its turn, 4.5 seconds at most, so that clients that ask again at once slow themselves down.",
+    )
     max_connections: Annotated[int, Field(ge=16, le=1_000_000)] = Field(
         default=2048,
         description="Connections of a server process. One more takes the place of the one that idled longest; if "
@@ -173,6 +178,11 @@ class Settings(BaseSettings):
     )
     head_timeout_s: Annotated[float, Field(gt=0, le=600)] = Field(
         default=10.0, description="Seconds in which the head of a request has to come before the connection is cut off."
+    )
+    keep_alive_s: Annotated[int, Field(ge=1, le=3600)] = Field(
+        default=75,
+        description="Seconds that a connection stays open without a request. Longer than clients and proxies keep "
+        "theirs, so that it is they who close it: a request never meets a connection that is being closed.",
     )
     send_timeout_s: Annotated[float, Field(gt=0, le=600)] = Field(
         default=10.0, description="Seconds after which a client that takes nothing of its answer is cut off."

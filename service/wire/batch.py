@@ -22,6 +22,7 @@ from service.wire.faults import (
     InvalidInputError,
     fault,
     faults_of,
+    strangers_in,
     unknown_field,
 )
 from service.wire.points import bounded_grid, require_few_times
@@ -148,16 +149,26 @@ def _checked(sent: list[Any]) -> tuple[dict[int, BatchScenario], dict[int, Excep
     """The scenarios that can be, by their place, and what is wrong with the others."""
     try:
         return dict(enumerate(_scenarios.validate_python(sent))), {}
+    except ValidationError:
+        failures = _failures(sent)
+    left = [at for at in range(len(sent)) if at not in failures]
+    return dict(zip(left, _scenarios.validate_python([sent[at] for at in left]), strict=True)), failures
+
+
+def _failures(sent: list[Any]) -> dict[int, Exception]:
+    strange = {at: strangers_in(each, _SCENARIO_WORDS) for at, each in enumerate(sent) if isinstance(each, dict)}
+    found: dict[int, Exception] = {at: error for at, error in strange.items() if error is not None}
+    asked = [at for at in range(len(sent)) if at not in found]
+    errors: dict[int, list[Any]] = defaultdict(list)
+    try:
+        _scenarios.validate_python([sent[at] for at in asked])
     except ValidationError as error:
-        errors: dict[int, list[Any]] = defaultdict(list)
         for each in error.errors(include_url=False):
-            errors[int(each["loc"][0])].append(each)
-    failures: dict[int, Exception] = {
+            errors[asked[int(each["loc"][0])]].append(each)
+    return found | {
         at: InvalidInputError(*(faults_of(some, _SCENARIO_WORDS) if isinstance(sent[at], dict) else [_none(sent[at])]))
         for at, some in errors.items()
     }
-    left = [at for at in range(len(sent)) if at not in failures]
-    return dict(zip(left, _scenarios.validate_python([sent[at] for at in left]), strict=True)), failures
 
 
 def _none(value: object) -> InputFault:

@@ -113,7 +113,7 @@ def serving(folder: Path, **settings: object) -> Iterator[Running]:
     """Run the service over the store in `folder` until the block ends."""
     store = ModelStore.open(str(folder), create=True)
     # a small limit of bodies, which tests can exceed quickly
-    chosen = Settings(store_url=str(folder), port=0, drain_s=0, **({"max_body_bytes": 64 * 1024} | settings))
+    chosen = Settings(store_url=str(folder), port=0, **({"max_body_bytes": 64 * 1024, "drain_s": 0} | settings))
     lifecycle = Lifecycle()
     counting = Instruments()
     server = make_server(create_app(chosen, lifecycle, counting), chosen, lifecycle, counting)

@@ -7,19 +7,25 @@ process, looked through once a second (`sweep`).
 from __future__ import annotations
 
 import asyncio
+import fcntl
 import logging
 import resource
+import termios
 import time
+from array import array
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from starlette.responses import Response
+from uvicorn._types import ASGI3Application
 from uvicorn.config import Config
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 from uvicorn.server import ServerState
 
 from service.api.http.exceptions import HeadTooLargeError, HeadTooSlowError, MalformedHeadError
+from service.api.http.turns import Turns
 from service.api.http.worker_threads import OverloadedError
 
 # These are answered on whatever connection is left: an orchestrator must never take a busy service for a dead one.
@@ -28,6 +34,7 @@ _SPARE = 64  # connections beyond the limit, for health
 _SPARE_FILES = 256  # what is open besides connections
 _LINGER_BYTES = 1 << 20
 _LINGER_S = 1.0  # after a refusal: closing at once, with bytes unread, would destroy the answer on its way
+_MOMENT_S = 0.1
 _DRAINED_BYTES = 16 << 10  # less than this within `send_s` is no reading
 
 _REASONS: dict[type[Exception], str] = {
@@ -73,8 +80,10 @@ class Connections:
         self.logged = logged
         self.answer = answer
         self.refused = refused
-        self.ending = False
+        self.ending = self.closing = False
         self.open: set[GuardedProtocol] = set()
+        self.turns = Turns()
+        self.arrived: Callable[[], object] = lambda: None  # called for each connection that uvicorn took in
 
     def protocol(
         self,
@@ -84,6 +93,7 @@ class Connections:
         _loop: asyncio.AbstractEventLoop | None = None,
     ) -> GuardedProtocol:
         """What uvicorn calls for each connection."""
+        self.arrived()
         return GuardedProtocol(self, config, server_state, app_state, _loop)
 
     def admit(self, newcomer: GuardedProtocol) -> bool:
@@ -101,6 +111,17 @@ class Connections:
         if len(self.open) > self.limits.connections + _SPARE:
             newcomer.cut("too-many-connections")
         return False
+
+    def announce_end(self) -> None:
+        """From here on each answer says that its connection ends with it, so that clients find another server."""
+        self.ending = True
+        for each in list(self.open):
+            each.announce_end()
+
+    def close(self) -> None:
+        """No more come in. What is on its way on those that are open is answered, for a moment."""
+        self.closing = True
+        self.announce_end()
 
     def sweep(self) -> None:
         """Cuts off who is too slow. To be called about once a second."""
@@ -190,6 +211,17 @@ class GuardedProtocol(HttpToolsProtocol):
         if self._all.ending and self.cycle is not None:
             self.cycle.keep_alive = False
 
+    def _start_asgi_task(self, cycle: RequestResponseCycle, app: ASGI3Application) -> None:
+        """What uvicorn calls to begin a request."""
+        if cycle.scope["path"].removeprefix(self.root_path) in HEALTH_PATHS:
+            super()._start_asgi_task(cycle, app)
+        else:
+            self._all.turns.take(partial(self._begin, cycle, app))
+
+    def _begin(self, cycle: RequestResponseCycle, app: ASGI3Application) -> None:
+        if not cycle.disconnected:  # while it waited for its turn
+            super()._start_asgi_task(cycle, app)
+
     def on_message_complete(self) -> None:
         """Of a request."""
         super().on_message_complete()
@@ -199,6 +231,8 @@ class GuardedProtocol(HttpToolsProtocol):
         """The next request may come."""
         self.waiting_since = time.monotonic()
         super().on_response_complete()
+        if self._all.closing:  # its answer was on the way before it could say so
+            self.loop.call_later(self._limits.linger_s, self._close_if_idle)
 
     def send_400_response(self, msg: str) -> None:
         """What uvicorn calls when the parser gave up."""
@@ -229,13 +263,20 @@ class GuardedProtocol(HttpToolsProtocol):
         elif self.cycle.more_body and not self.flow.read_paused and now - self._fed_at > self._limits.body_s:
             self.cut("slow-body")
 
+    def announce_end(self) -> None:
+        """The answer that is being made is the last one. One that is on its way can no longer say so."""
+        if not self.is_idle and not self.cycle.response_started:
+            self.cycle.keep_alive = False
+
     def shutdown(self) -> None:
         """The server ends: what is being answered is finished, what comes within a moment is answered too."""
-        self._all.ending = True
-        if not self.is_idle:
-            self.cycle.keep_alive = False
-            return
-        self.loop.call_later(self._limits.linger_s, self._close_if_idle)
+        self.announce_end()
+        if self.is_idle:
+            self.loop.call_later(self._limits.linger_s, self._close_if_idle)
+
+    def timeout_keep_alive_handler(self) -> None:
+        """It was idle for too long."""
+        self._close_if_idle()
 
     def cut(self, reason: str) -> None:
         """Ends the connection at once."""
@@ -244,7 +285,11 @@ class GuardedProtocol(HttpToolsProtocol):
         self.transport.abort()
 
     def _close_if_idle(self) -> None:
-        if self.transport is not None and not self.transport.is_closing() and self.is_idle:
+        if self.transport is None or self.transport.is_closing() or not self.is_idle:
+            return
+        if self._has_come():  # to close now would lose it
+            self.loop.call_later(_MOMENT_S, self._close_if_idle)
+        else:
             self.transport.close()
 
     def _waited_s(self) -> float:
@@ -254,6 +299,15 @@ class GuardedProtocol(HttpToolsProtocol):
         """Of the request that is coming in; `?` while it is not known."""
         method: bytes = self.parser.get_method() if self.headers else b""
         return method.decode("ascii", "replace") or "?"
+
+    def _has_come(self) -> bool:
+        """Whether there are bytes that were not read yet."""
+        count = array("i", [0])
+        try:
+            fcntl.ioctl(self.transport.get_extra_info("socket").fileno(), termios.FIONREAD, count)
+        except OSError:
+            return False
+        return count[0] > 0
 
     def _refuse(self, error: Exception) -> None:
         """Answers a request of which no head could be made, and hangs up."""

@@ -12,6 +12,7 @@ import anyio
 import anyio.to_thread
 from starlette.requests import Request
 
+from service.api.http.pace import Pace
 from service.errors import RoverTwinError
 
 Result = TypeVar("Result")
@@ -35,11 +36,20 @@ class ClientGoneError(RoverTwinError):
 class WorkerThreads:
     """At most `threads` calls run at once, at most `max_waiting` wait. Make it inside a running event loop.
 
-    `admit` is called before each call that has waited for its thread; what it raises is raised instead.
+    `admit` is called before each call that has waited for its thread; what it raises is raised instead. `pace` says
+    when a call too many is refused; without it, at once.
     """
 
-    def __init__(self, what: str, threads: int, max_waiting: int, admit: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self,
+        what: str,
+        threads: int,
+        max_waiting: int,
+        admit: Callable[[], None] = lambda: None,
+        pace: Pace | None = None,
+    ) -> None:
         self._what = what
+        self._pace = pace
         self._admit = admit
         self._limiter = anyio.CapacityLimiter(threads)
         self._max_waiting = max_waiting
@@ -53,16 +63,18 @@ class WorkerThreads:
         OverloadedError when too many wait, TimeoutError after `give_up_s` (the call then runs on, unseen), and
         ClientGoneError.
         """
-        if self._limiter.available_tokens < 1:
-            waiting = self._limiter.statistics().tasks_waiting
-            if waiting >= self._max_waiting:
-                raise OverloadedError(f"{waiting} {self._what} are waiting already; try again in {RETRY_AFTER_S} s")
+        if self._is_full():
+            if self._pace is not None:
+                await self._pace.turn()
+            if self._is_full():  # else there is room by now
+                waiting = f"{self._max_waiting} {self._what}"
+                raise OverloadedError(f"{waiting} are waiting already; try again in {RETRY_AFTER_S} s")
 
         def admitted() -> Result:
             self._admit()
             return call()
 
-        if asker is not None:
+        if asker is not None and self._limiter.available_tokens < 1:
             async with self._limiter:
                 if await asker.is_disconnected():
                     raise ClientGoneError
@@ -71,3 +83,6 @@ class WorkerThreads:
             return await anyio.to_thread.run_sync(admitted, limiter=self._limiter)
         with anyio.fail_after(give_up_s):
             return await anyio.to_thread.run_sync(admitted, limiter=self._limiter, abandon_on_cancel=True)
+
+    def _is_full(self) -> bool:
+        return self._limiter.available_tokens < 1 and self._limiter.statistics().tasks_waiting >= self._max_waiting

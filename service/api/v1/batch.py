@@ -11,8 +11,9 @@ from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 from starlette.responses import StreamingResponse
 
+from service.api.http.answer_bytes import TEXT_BYTES, Room
 from service.api.http.delivery import Delivery
-from service.api.http.errors import problem_members, told
+from service.api.http.many_problems import problems_of
 from service.api.http.negotiation import choose
 from service.api.http.openapi import inlined_schema, problem_responses
 from service.api.http.problems import Slug
@@ -104,6 +105,7 @@ async def post_batch(form: Annotated[BatchFormatQuery, Query()], request: Reques
     body = await request.body()
     question, times = await services.predictions.run(lambda: _read(body, services.settings.max_points))
     loaded = await services.twin(question.shared.model)
+    await Room.of(request).reserve(request, _estimated_bytes(question, times, text=BATCH_ENCODERS[wanted].text))
     subject = await services.predictions.run(lambda: predicted(question, times, loaded, services.instruments.predicted))
     encoder = BATCH_ENCODERS[wanted]
     if encoder.encode is None:
@@ -113,6 +115,15 @@ async def post_batch(form: Annotated[BatchFormatQuery, Query()], request: Reques
         return StreamingResponse(stream, headers=headers, media_type=encoder.media_type)
     encode, delivery = encoder.encode, Delivery.of(request, encoder.media_type, text=encoder.text)
     return await services.predictions.run(lambda: delivery.response(encode(subject), subject.headers()))
+
+
+def _estimated_bytes(question: BatchQuestion, time_s: Array, *, text: bool) -> int:
+    """At most so many bytes has an answer whose numbers are all as long as they can be; headers aside."""
+    points = time_s.size if time_s.ndim > 1 else time_s.size * len(question.scenarios)
+    shared = question.shared
+    columns = 3 + 4 * (Include.BAND in shared.include) + 2 * shared.wants_prior
+    columns += shared.wants_speed + 2 * shared.wants_wheel_speed
+    return points * columns * (TEXT_BYTES if text else 8)
 
 
 def _read(body: bytes, max_points: int) -> tuple[BatchQuestion, Array]:
@@ -157,15 +168,9 @@ def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded, count: Cou
         frame=shared.frame,
         batch=batch,
         indices=question.indices[rows],
-        failures=[_problem(index, failures[index]) for index in sorted(failures)],
+        failures=problems_of(failures, PATH),
         with_prior=shared.wants_prior,
         with_band=Include.BAND in shared.include,
         with_speed=shared.wants_speed,
         with_wheel_speed=shared.wants_wheel_speed,
     )
-
-
-def _problem(index: int, error: Exception) -> dict[str, Any]:
-    """The problem that the single route would answer, without what only a whole answer has."""
-    described = told(error, PATH)
-    return {"index": index, **problem_members(described), **described.members}

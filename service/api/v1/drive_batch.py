@@ -8,8 +8,9 @@ import numpy as np
 from fastapi import APIRouter, Query, Request, Response
 from starlette.responses import StreamingResponse
 
+from service.api.http.answer_bytes import TEXT_BYTES, Room
 from service.api.http.delivery import Delivery
-from service.api.http.errors import problem_members, told
+from service.api.http.many_problems import problems_of
 from service.api.http.negotiation import choose
 from service.api.http.openapi import inlined_schema, problem_responses
 from service.api.http.problems import Slug
@@ -18,6 +19,7 @@ from service.api.services import TheServices
 from service.api.v1.batch import BatchFormatQuery
 from service.twin import Loaded, NonFiniteError, OutsideDomainError
 from service.twin.drives import Drive, require_driver
+from service.twin.scenario import sample_count
 from service.wire.batch_forms import BATCH_ENCODERS, BATCH_MEDIA_TYPES, BatchFormat
 from service.wire.drives.ask import CountDrive, driven
 from service.wire.drives.batch import DRIVE_BATCH_WORDS, MOST_DRIVES, DriveBatchBody, DrivesQuestion, read_drives
@@ -36,6 +38,7 @@ _MEANINGS = {
     BatchFormat.ARROW: "Arrow IPC stream: one record batch, a row for each drive and time; the schema's metadata has "
     "the drives, their domain, summary, events and errors as JSON text.",
 }
+_MOST_COLUMNS = 24
 _RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
         "model": DriveBatchAnswer,
@@ -92,6 +95,7 @@ async def post_drives(form: Annotated[BatchFormatQuery, Query()], request: Reque
         lambda: read_drives(parsed(body, DRIVE_BATCH_WORDS), services.settings.max_points)
     )
     loaded = await services.twin(question.shared.model)
+    await Room.of(request).reserve(request, _estimated_bytes(question, text=BATCH_ENCODERS[wanted].text))
     subject = await services.predictions.run(lambda: _driven(question, loaded, services.instruments.drove))
     encoder = BATCH_ENCODERS[wanted]
     if encoder.encode is None:
@@ -101,6 +105,14 @@ async def post_drives(form: Annotated[BatchFormatQuery, Query()], request: Reque
         return StreamingResponse(stream, headers=headers, media_type=encoder.media_type)
     encode, delivery = encoder.encode, Delivery.of(request, encoder.media_type, text=encoder.text)
     return await services.predictions.run(lambda: delivery.response(encode(subject), subject.headers()))
+
+
+def _estimated_bytes(question: DrivesQuestion, *, text: bool) -> int:
+    """At most so many bytes have the columns of the answer."""
+    wanted = question.wanted
+    own = None if wanted.times_s is None else len(wanted.times_s)
+    points = sum(own or sample_count(each.horizon_s, wanted.dt_s) for each in question.drives.values())
+    return points * _MOST_COLUMNS * (TEXT_BYTES if text else 8)
 
 
 def _driven(question: DrivesQuestion, loaded: Loaded, count: CountDrive) -> DriveBatchSubject:
@@ -122,12 +134,6 @@ def _driven(question: DrivesQuestion, loaded: Loaded, count: CountDrive) -> Driv
         frame=wanted.frame,
         drives=list(found.values()),
         indices=np.array(list(found), dtype=np.intp),
-        failures=[_problem(index, failures[index]) for index in sorted(failures)],
+        failures=problems_of(failures, PATH),
         band_level=wanted.band_level if wanted.band else None,
     )
-
-
-def _problem(index: int, error: Exception) -> dict[str, Any]:
-    """The problem that the single route would answer, without what only a whole answer has."""
-    described = told(error, PATH)
-    return {"index": index, **problem_members(described), **described.members}

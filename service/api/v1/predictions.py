@@ -104,7 +104,7 @@ async def _predict(asked: PredictionInputs, form: Format, request: Request, serv
             return nothing_new
     if loaded.twin.model.quick and asked.points <= _points_at_once(form, delivery):
         return _computed(asked, form, loaded, delivery, services)
-    return await services.predictions.run(lambda: _computed(asked, form, loaded, delivery, services))
+    return await services.predictions.run(lambda: _computed(asked, form, loaded, delivery, services), asker=request)
 
 
 def _points_at_once(form: Format, delivery: Delivery) -> int:

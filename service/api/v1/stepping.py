@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from model_store import StoreError
-from service.api.http.errors import problem_members, told
+from service.api.http.many_problems import MOST_IN_FULL, problem_of
 from service.api.services import Services
 from service.datasets.file_names import printable
 from service.errors import RoverTwinError
@@ -89,11 +89,13 @@ def _is_small(question: StepsQuestion) -> bool:
 
 def problems(question: StepsQuestion, found: Stepped, path: str) -> list[dict[str, Any]]:
     """The problems of rovers that were not moved on, in order, without what only a whole answer has."""
-    return [rover_problem(at, question.sent_ids[at], found.failures[at], path) for at in sorted(found.failures)]
+    return [
+        rover_problem(at, question.sent_ids[at], found.failures[at], path, short=count >= MOST_IN_FULL)
+        for count, at in enumerate(sorted(found.failures))
+    ]
 
 
-def rover_problem(index: int, name: object, error: Exception, path: str) -> dict[str, Any]:
+def rover_problem(index: int, name: object, error: Exception, path: str, *, short: bool = False) -> dict[str, Any]:
     """That of one rover, at its place among those that were sent."""
-    described = told(error, path)
     sent = printable(name[:MAX_SHOWN]) if isinstance(name, str) else None
-    return {"index": index, "id": sent, **problem_members(described), **described.members}
+    return problem_of(index, error, path, short=short) | {"id": sent}

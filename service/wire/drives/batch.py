@@ -18,7 +18,7 @@ from service.errors import InvalidValueError
 from service.physics.scenario import Array
 from service.twin.drives import DriveQuestion, Wanted
 from service.wire.drives.question import WORDS, DriveSampling, OneDrive
-from service.wire.faults import InvalidInputError, fault, faults_of, missing, unknown_field
+from service.wire.faults import InvalidInputError, fault, faults_of, missing, strangers_in, unknown_field
 from service.wire.points import require_few_times, require_wide_step
 
 MOST_DRIVES = 200
@@ -134,6 +134,8 @@ def _question(
 ) -> DriveQuestion:
     if not isinstance(sent, dict):
         raise InvalidInputError(fault("drive", sent, "a JSON object with " + ", ".join(_OF_DRIVE)))
+    if (strange := strangers_in(sent, _DRIVE_WORDS)) is not None:
+        raise strange
     try:
         one = _Drive.model_validate({**usual, **sent})
     except ValidationError as error:

@@ -16,7 +16,7 @@ from pydantic.json_schema import SkipJsonSchema
 from service.allowed import allowed_fields
 from service.physics.scenario import Array
 from service.settings import LIMITS, Settings
-from service.wire.faults import InputFault, InvalidInputError, fault, faults_of, missing, unknown_field
+from service.wire.faults import InputFault, InvalidInputError, fault, faults_of, missing, strangers_in, unknown_field
 from service.wire.prediction import PredictionInputs
 
 MAX_ROVERS = 10_000
@@ -328,8 +328,8 @@ def _checked(sent: list[Any], *, live: bool) -> tuple[dict[int, RoverStep], dict
     """The rovers that can be, by their place, and what is wrong with the others."""
     try:
         good, failures = dict(enumerate(_steps.validate_python(sent))), {}
-    except ValidationError as error:
-        failures = _failures(error, sent)
+    except ValidationError:
+        failures = _failures(sent)
         left = [at for at in range(len(sent)) if at not in failures]
         good = dict(zip(left, _steps.validate_python([sent[at] for at in left]), strict=True))
     known: set[str] = set()
@@ -341,11 +341,17 @@ def _checked(sent: list[Any], *, live: bool) -> tuple[dict[int, RoverStep], dict
     return good, failures
 
 
-def _failures(error: ValidationError, sent: list[Any]) -> dict[int, InvalidInputError]:
+def _failures(sent: list[Any]) -> dict[int, InvalidInputError]:
+    strange = {at: strangers_in(each, ROVER_WORDS) for at, each in enumerate(sent) if isinstance(each, dict)}
+    found = {at: error for at, error in strange.items() if error is not None}
+    asked = [at for at in range(len(sent)) if at not in found]
     errors: dict[int, list[Any]] = defaultdict(list)
-    for each in error.errors(include_url=False):
-        errors[int(each["loc"][0])].append(each)
-    return {
+    try:
+        _steps.validate_python([sent[at] for at in asked])
+    except ValidationError as error:
+        for each in error.errors(include_url=False):
+            errors[asked[int(each["loc"][0])]].append(each)
+    return found | {
         at: InvalidInputError(*(faults_of(some, ROVER_WORDS) if isinstance(sent[at], dict) else [_none(sent[at])]))
         for at, some in errors.items()
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import socket
 import time
 from collections.abc import Iterator
@@ -35,6 +36,16 @@ def answer_of(connection: socket.socket) -> bytes:
             received += piece
     except ConnectionResetError:
         pass
+    return received
+
+
+def one_answer(connection: socket.socket) -> bytes:
+    """Of an address that answers with one small JSON object."""
+    received = b""
+    while not received.endswith(b"}"):
+        piece = connection.recv(65536)
+        assert piece, received
+        received += piece
     return received
 
 
@@ -174,13 +185,58 @@ def test_a_request_on_its_way_when_the_server_ends_is_answered(serve: Any) -> No
     running = serve()
     with connect(running.url) as connection:
         connection.sendall(b"GET /health/live HTTP/1.1\r\nHost: a\r\n\r\n")
-        assert connection.recv(65536).startswith(b"HTTP/1.1 200 ")
+        assert one_answer(connection).startswith(b"HTTP/1.1 200 ")
         running.server.should_exit = True
         time.sleep(0.4)
         connection.sendall(b"GET /health/live HTTP/1.1\r\nHost: a\r\n\r\n")
         answer = answer_of(connection)
     assert answer.startswith(b"HTTP/1.1 200 ")
     assert b"connection: close" in answer.lower()
+
+
+def test_while_it_drains_all_are_answered_and_told_to_go(serve: Any) -> None:
+    running = serve(drain_s=30)
+    ask_alive = b"GET /health/live HTTP/1.1\r\nHost: a\r\n\r\n"
+    with connect(running.url) as kept:
+        kept.sendall(ask_alive)
+        assert b"connection: close" not in one_answer(kept).lower()
+        running.server.handle_exit(signal.SIGTERM, None)
+        time.sleep(1)
+        for connection in (kept, connect(running.url)):
+            with connection:
+                connection.sendall(ask_alive)
+                answer = answer_of(connection)
+                assert answer.startswith(b"HTTP/1.1 200 ")
+                assert b"connection: close" in answer.lower()
+
+
+def test_a_connection_that_was_not_told_is_not_closed_under_a_request(
+    serve: Any, store: Any, publish: Any, move: Any
+) -> None:
+    """Its answer has begun when the server ends, so it cannot say that it is the last one."""
+    move(store, publish(store))
+    running = serve()
+    running.wait_ready()
+    query = "slope_deg=20&mass_kg=430&torque_nm=60&horizon_s=600&dt_s=0.00601"
+    with socket.socket() as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        parts = urlsplit(running.url)
+        connection.connect((parts.hostname, parts.port))
+        connection.settimeout(20)
+        connection.sendall(f"GET /v1/predictions?{query} HTTP/1.1\r\nHost: a\r\n\r\n".encode())
+        head = b""
+        while b"\r\n\r\n" not in head:
+            head += connection.recv(1)
+        assert b"connection: close" not in head.lower()
+        size = next(int(line[15:]) for line in head.lower().splitlines() if line.startswith(b"content-length:"))
+        running.server.should_exit = True
+        time.sleep(0.5)
+        while size:
+            piece = connection.recv(min(size, 1 << 20))
+            assert piece
+            size -= len(piece)
+        connection.sendall(b"GET /health/live HTTP/1.1\r\nHost: a\r\n\r\n")
+        assert answer_of(connection).startswith(b"HTTP/1.1 200 ")
 
 
 def test_slow_readers_fill_no_memory(own_process: Any, store: Any, publish: Any, move: Any) -> None:
