@@ -175,13 +175,13 @@ def version_state(name: str, version: int) -> Call[VersionState]:
 def change_version(name: str, version: int, change: str, reason: str) -> Call[VersionState]:
     """POST /v1/admin/models/{name}/versions/{version}/archive or /restore. Harmless to repeat."""
     path = f"/v1/admin/{_version_path(name, version)}/{change}"
-    return Call(path, parsing.version_state, method="POST", json={"reason": reason}, token=True)
+    return Call(path, parsing.version_state, method="POST", json={"reason": reason})
 
 
 def delete_version(name: str, version: int, reason: str) -> Call[VersionState]:
     """DELETE /v1/admin/models/{name}/versions/{version}. Harmless to repeat."""
     path = f"/v1/admin/{_version_path(name, version)}"
-    return Call(path, parsing.version_state, {"reason": reason}, method="DELETE", token=True)
+    return Call(path, parsing.version_state, {"reason": reason}, method="DELETE")
 
 
 def _version_path(name: str, version: int) -> str:
