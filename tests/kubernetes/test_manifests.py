@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -162,7 +163,7 @@ def test_pods_have_no_rights(rendered, component):
 
 
 def test_the_user_is_the_one_of_the_image(rendered):
-    user = (MANIFESTS.parent / "Dockerfile").read_text().partition("USER ")[2].split()[0]
+    (user,) = re.findall(r"^USER (\S+)$", (MANIFESTS.parent / "Dockerfile").read_text(), re.MULTILINE)
     for pod in pods(rendered).values():
         asked = pod["securityContext"]
         assert f"{asked['runAsUser']}:{asked['runAsGroup']}" == user

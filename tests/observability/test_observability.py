@@ -72,6 +72,7 @@ def exposed(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
     return names | {f"{name}{end}" for name in names for end in ("_bucket", "_sum", "_count")}
 
 
+@pytest.mark.slow
 def test_every_metric_that_is_asked_for_is_one_of_the_service(exposed):
     asked = {name for text in [*queries(), *(rule["expr"] for rule in rules())] for name in _METRIC.findall(text)}
     assert len(asked) > 15
