@@ -14,7 +14,7 @@ import httpx
 from tests.api.conftest import PLAIN
 from tests.cluster.machines import APIS, HEADERS, JOBS, QUESTION, Machines
 
-PAUSE_S = 0.1
+PAUSE_S = 0.2
 PATIENCE_S = 10.0
 ELSEWHERE = "predictions, with the other API as second choice"
 KINDS = ("predictions", "list of jobs", "list of models")

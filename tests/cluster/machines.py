@@ -139,6 +139,11 @@ class Machines:
         """Until the API can predict."""
         until(lambda: self.api(name).get("/health/ready").status_code == 200, timeout_s, f"{name} is ready")
 
+    def served(self, name: str, reference: str) -> int | None:
+        """The version with which an API answers."""
+        answer = self.api(name).get("/v1/predictions", params=QUESTION | {"model": reference})
+        return answer.json()["model"]["version"] if answer.is_success else None
+
     def runner(self, job_id: str) -> str | None:
         """Which worker runs a job now, None while nobody does."""
         with psycopg.connect(self.database) as connection:
