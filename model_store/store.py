@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from model_store.aliases import Aliases
 from model_store.backend import Backend
+from model_store.copying import copy
 from model_store.errors import CorruptArtefactError, NotFoundError, UnsupportedFormatError
 from model_store.files import MAX_FILE_BYTES, FileEntry
 from model_store.lifecycle import Lifecycle, State
@@ -52,6 +53,13 @@ class ModelStore:
     def location(self) -> str:
         """Where the store is, without credentials, for messages and logs."""
         return self._backend.location
+
+    def copy_to(self, other: ModelStore) -> tuple[int, int]:
+        """Copy models and datasets that another store lacks; how many objects were copied, and how many were there.
+
+        Nothing is overwritten, and the copy is whole at any moment: see `model_store.copying`.
+        """
+        return copy(self._backend, other._backend)
 
     def model_names(self) -> list[str]:
         """Sorted names of the models with at least one published version."""

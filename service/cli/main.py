@@ -12,6 +12,7 @@ from typer.main import get_command
 
 import service
 from service.cli.commands import (
+    copy_store,
     datasets,
     evaluate,
     jobs,
@@ -79,6 +80,7 @@ app.add_typer(models.app)
 app.add_typer(datasets.app)
 app.add_typer(jobs.app)
 app.add_typer(tokens.app)
+app.command("copy-store")(copy_store.copy_store)
 app.command("openapi")(openapi.openapi)
 
 
