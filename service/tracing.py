@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import structlog
 
@@ -82,6 +82,25 @@ def span(name: str, **attributes: str | int | float | bool) -> AbstractContextMa
     if _tracer is None:
         return _NOTHING
     return _tracer.start_as_current_span(name, attributes=_ours(attributes))
+
+
+class Version(Protocol):
+    """What has a name and a number: a twin."""
+
+    @property
+    def name(self) -> str:
+        """Of the model."""
+
+    @property
+    def version(self) -> int:
+        """Its number."""
+
+
+def span_of(name: str, twin: Version, scenarios: int) -> AbstractContextManager[Any]:
+    """`span` for what a version computes; off, not even its name is asked for."""
+    if _tracer is None:
+        return _NOTHING
+    return span(name, model=twin.name, version=twin.version, scenarios=scenarios)
 
 
 def traceparent() -> str | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -20,7 +19,7 @@ from service.learning.trajectory_model import TrajectoryModel
 from service.physics.frames import slope_to_world
 from service.physics.scenario import Array, Motion, Positions, Scenarios
 from service.physics.wheel_speed import slip_ratio, wheel_speed_rad_s
-from service.tracing import span
+from service.tracing import span_of
 from service.twin.batch import PredictionBatch, as_physics
 from service.twin.prediction import Frame, NonFiniteError, OutsideDomainError, Prediction, PredictionBand
 from service.twin.scenario import Scenario
@@ -116,7 +115,7 @@ class Twin:
         physics, horizons = scenario.as_physics(), np.array([scenario.horizon_s])
         _own_samples(time_s, horizons)
         asked = _Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
-        with self._span("predict", 1):
+        with span_of("predict", self, 1):
             core = self._predicted((scenario,), physics, horizons, asked)
         return Prediction(
             scenario=scenario,
@@ -150,7 +149,7 @@ class Twin:
         counts = _own_samples(time_s, horizons)
         physics = as_physics(scenarios)
         asked = _Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
-        with self._span("predict", len(scenarios)):
+        with span_of("predict", self, len(scenarios)):
             core = self._predicted(scenarios, physics, horizons, asked)
         slopes = np.array([scenario.slope_deg for scenario in scenarios])
         return PredictionBatch(
@@ -165,9 +164,6 @@ class Twin:
             summaries=core.summaries,
             band=core.band,
         )
-
-    def _span(self, name: str, scenarios: int) -> AbstractContextManager[object]:
-        return span(name, model=self.name, version=self.version, scenarios=scenarios)
 
     def _predicted(self, scenarios: Sequence[Scenario], physics: Scenarios, horizons_s: Array, asked: _Asked) -> _Core:
         band = self._band_for(asked)
