@@ -43,7 +43,7 @@ bench: $(VENV)/.dev ## how fast, beside its floors (some minutes); writes docs/p
 e2e: $(VENV)/.dev ## clone this checkout, follow its README
 	@$(BIN)/pytest -m e2e $(ARGS)
 
-image: $(VENV)/.dev ## build and run the container image (needs docker or podman)
+image: $(VENV)/.dev ## build and run both container images (needs docker or podman)
 	@$(BIN)/pytest -m image $(ARGS)
 
 openapi: $(VENV)/.dev ## refresh the OpenAPI document that a test compares

@@ -29,6 +29,7 @@ from model_store.errors import (
 from model_store.files import FileEntry
 from model_store.layout import WEIGHTS
 from model_store.manifest import Lineage, Manifest, ManifestDraft
+from model_store.observing import observe_calls
 from model_store.records import AliasRecord, DatasetDraft, DatasetRecord, LifecycleRecord
 from model_store.references import DEFAULT_ALIAS, Reference, Resolved, parse_reference
 from model_store.store import ModelStore
@@ -65,5 +66,6 @@ __all__ = [
     "VersionInUseError",
     "VersionNotFoundError",
     "VersionRetiredError",
+    "observe_calls",
     "parse_reference",
 ]

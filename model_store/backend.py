@@ -25,6 +25,7 @@ from obstore.exceptions import BaseError, PermissionDeniedError, PreconditionErr
 from obstore.store import LocalStore, from_url
 
 from model_store.errors import ArtefactTooLargeError, StoreUnavailableError
+from model_store.observing import observed
 
 if TYPE_CHECKING:
     from obstore import BytesStream
@@ -159,7 +160,8 @@ class Backend:
     @contextmanager
     def _translated(self, doing: str, key: str) -> Iterator[None]:
         try:
-            yield
+            with observed(doing, key):
+                yield
         except (PermissionDeniedError, UnauthenticatedError, PermissionError) as error:
             raise StoreUnavailableError(
                 f"not permitted to {doing} {key} in the model store {self.location!r}; "

@@ -23,7 +23,7 @@ from fastapi.middleware.cors import CORSMiddleware
 
 import service
 from model_store import ModelStore
-from service import child
+from service import child, parts, tracing
 from service.access.addresses import networks
 from service.access.tokens import Tokens
 from service.api import health, metrics
@@ -40,6 +40,7 @@ from service.api.http.lanes import Lanes, lanes_of
 from service.api.http.openapi import openapi_of
 from service.api.http.pace import Pace
 from service.api.http.request_log import RequestLog, client_of, write_refusal
+from service.api.http.request_spans import RequestSpans
 from service.api.http.semantics import Semantics
 from service.api.http.templates import Templates
 from service.api.http.upload_body import remove_forgotten_uploads
@@ -117,7 +118,7 @@ def create_app(
         if settings.admin_is_on
         else None
     )
-    worker = WorkerSupervisor(settings) if settings.admin_is_on and settings.start_worker else None
+    worker = _worker(settings)
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[LifespanState]:
@@ -154,6 +155,15 @@ def create_app(
     app = _assemble(lifespan, counting, _Chosen.of(settings), waiting)
     _prepare_routes(app)
     return app
+
+
+def _worker(settings: Settings) -> WorkerSupervisor | None:
+    if not settings.admin_is_on or not settings.start_worker:
+        return None
+    if not parts.has(parts.TRAINING):
+        _log.warning("this installation cannot train, and no worker is started: training jobs wait for one elsewhere")
+        return None
+    return WorkerSupervisor(settings)
 
 
 def openapi_document() -> dict[str, Any]:
@@ -217,6 +227,8 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
         template_of=templates.of,
         trusted=networks(chosen.trusted_proxies),
     )
+    if tracing.is_on():
+        app.add_middleware(RequestSpans)
     answer_to.install(app)
     app.include_router(predictions.router)  # first, for a request is compared with one address after the other
     app.include_router(batch.router)
@@ -321,13 +333,17 @@ def _serve(
 ) -> None:
     limit_arenas()
     configure_logging(settings.log_level, settings.log_format)
+    tracing.begin(settings, "server")
     lifecycle = Lifecycle()
     counting = instruments or Instruments()
     allow_files(settings.max_connections)
     server = make_server(create_app(settings, lifecycle, counting), settings, lifecycle, counting)
     gc.collect()
     gc.freeze()  # modules and routes stay for good: no collection need look through them while requests wait
-    server.run(sockets)
+    try:
+        server.run(sockets)
+    finally:
+        tracing.end()
 
 
 def tokens_of(settings: Settings) -> Tokens:

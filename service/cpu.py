@@ -7,6 +7,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
+from service import parts
+
 CGROUP_ROOT = Path("/sys/fs/cgroup")
 CGROUP_MEMBERSHIP = Path("/proc/self/cgroup")
 _V1_FOLDERS = ("cpu", "cpu,cpuacct", "cpuacct,cpu")
@@ -39,11 +41,13 @@ def limit_compute_threads(threads: int) -> None:
 
     Their last bits depend on the number of threads: the same number is needed to get the same weights again.
     """
-    import scipy.linalg  # noqa: F401, PLC0415 - only libraries that are loaded can be limited
-    import torch  # noqa: PLC0415
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - looks through every loaded library
 
-    torch.set_num_threads(threads)
+    if parts.has(parts.TRAINING):  # without, nothing here computes weights, and numpy alone is left
+        import scipy.linalg  # noqa: F401, PLC0415 - only libraries that are loaded can be limited
+        import torch  # noqa: PLC0415
+
+        torch.set_num_threads(threads)
     threadpool_limits(threads, user_api="blas")
 
 

@@ -6,6 +6,7 @@
     ├── DatasetInUseError     a dataset cannot be deleted; names the versions and jobs that need it
     ├── CheckpointError       a stored version cannot become a twin
     ├── TrainingError         a training run could not start or finish
+    ├── MissingPartError      a library that this installation does without is needed
     └── JobError              a training job or their queue
         ├── JobNotFoundError      no job has this id (also LookupError)
         ├── JobStateError         the job's state does not allow it
@@ -53,6 +54,10 @@ class CheckpointError(RoverTwinError):
 
 class TrainingError(RoverTwinError):
     """A training run could not start or finish."""
+
+
+class MissingPartError(RoverTwinError):
+    """A library is needed that this installation does without; the message says which, for what, and where it is."""
 
 
 class JobError(RoverTwinError):

@@ -18,12 +18,15 @@ REQUESTS = "service.requests"
 request_id: ContextVar[str] = ContextVar("request_id")
 """The request that is being answered, for the lines that are written meanwhile."""
 
+trace_id: ContextVar[str] = ContextVar("trace_id")
+"""The trace that this is part of, where there are traces (`service.tracing`)."""
+
 
 def configure_logging(level: str = "info", form: Literal["console", "json"] = "console") -> None:
     """Send all logging to stderr as lines for people or as JSON objects. Calling it again replaces the first."""
     shared: list[Processor] = [
         structlog.contextvars.merge_contextvars,
-        _with_request_id,
+        _with_ids,
         structlog.stdlib.add_logger_name,
         structlog.stdlib.add_log_level,
         structlog.stdlib.ExtraAdder(),
@@ -73,6 +76,8 @@ class RequestLines(logging.Formatter):
         stamp = f"{self._stamp}.{int(fraction * 1e6):06d}Z"
         level, said = record.levelname.lower(), record.msg
         assert isinstance(said, dict)
+        if known := trace_id.get(""):
+            said = {**said, "trace_id": known}
         if self._json:
             line = {"event": "request", "logger": record.name, "level": level, "timestamp": stamp, **said}
             return orjson.dumps(line).decode()
@@ -80,9 +85,11 @@ class RequestLines(logging.Formatter):
         return f"{stamp} [{level:<9}] {'request':<30} [{record.name}] {told}"
 
 
-def _with_request_id(_logger: object, _method: str, event: EventDict) -> EventDict:
+def _with_ids(_logger: object, _method: str, event: EventDict) -> EventDict:
     if known := request_id.get(""):
         event["request_id"] = known
+    if known := trace_id.get(""):
+        event["trace_id"] = known
     return event
 
 

@@ -27,7 +27,11 @@ from service.errors import RoverTwinError
 PREFIX = "ROVER_TWIN_"
 _SECRETS = ("admin_token", "jobs_database_url")  # may also be read from a file, and are never printed
 # Not ours, but often set beside them: of the client scripts, docker/compose.yaml, and what builds the image.
-_OF_OTHERS = {f"{PREFIX}{name}" for name in ("URL", "TOKEN", "PUBLISHED_PORT", "IMAGE", "IMAGE_BUILD", "IMAGE_RUN")}
+_OF_OTHERS = {
+    f"{PREFIX}{name}" for name in ("URL", "TOKEN", "PUBLISHED_PORT", "SERVICE", "IMAGE", "IMAGE_BUILD", "IMAGE_RUN")
+}
+_EXPORTER = "OTEL_TRACES_EXPORTER"
+_ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
 _SERVICE_LINKS = "Kubernetes set this for a service named rover-twin: set enableServiceLinks: false in the pod"
 
 
@@ -216,6 +220,11 @@ class Settings(BaseSettings):
     log_format: Literal["console", "json"] = Field(
         default="console", description="Log lines for people (console), or one JSON object per line (json)."
     )
+    tracing: bool | None = Field(
+        default=None,
+        description="Whether to send spans to an OpenTelemetry collector (docs/tracing.md). By default if "
+        "OTEL_EXPORTER_OTLP_ENDPOINT or OTEL_EXPORTER_OTLP_TRACES_ENDPOINT is set.",
+    )
     drain_s: Annotated[float, Field(ge=0, le=600)] = Field(
         default=1.0, description="Seconds after SIGTERM in which readiness answers 503 and requests are still accepted."
     )
@@ -227,6 +236,13 @@ class Settings(BaseSettings):
     def admin_is_on(self) -> bool:
         """Whether there can be a token that opens the admin endpoints."""
         return self.admin_token is not None or self.tokens_file is not None
+
+    def traces(self) -> bool:
+        """Whether spans are sent: as was set, else as the standard variables of OpenTelemetry say."""
+        if self.tracing is not None:
+            return self.tracing
+        off = os.environ.get("OTEL_SDK_DISABLED", "").lower() == "true" or os.environ.get(_EXPORTER) == "none"
+        return not off and any(os.environ.get(name) for name in _ENDPOINTS)
 
     def jobs_url(self) -> str:
         """The SQLAlchemy URL of the jobs' database: the one that was set, else a file beside what it is about."""

@@ -19,6 +19,7 @@ from service.errors import (
     JobStateError,
     RoverTwinError,
 )
+from service.parts import missing_part
 
 
 class ExitCode(IntEnum):
@@ -77,6 +78,8 @@ def failure_of(error: Exception) -> Failure:
         return Failure(_one_line(f"{said}{_where_help_is(error)}"), error.exit_code)
     if isinstance(error, ValidationError):
         return Failure(_one_line(_validation_reasons(error)), ExitCode.USAGE)
+    if isinstance(error, ImportError):
+        error = missing_part(error) or error
     code = _code_of(error)
     if code is not None:
         return Failure(_one_line(str(error)), code)

@@ -15,6 +15,7 @@ from dbos import DBOS, StepOptions, WorkflowStatus
 from dbos import error as dbos_errors
 
 from model_store import ModelStore, StoreUnavailableError
+from service import tracing
 from service.errors import JobsUnavailableError
 from service.jobs.database import JobsDatabase
 from service.jobs.events import JobReport
@@ -72,7 +73,8 @@ class Attempt:
         def run(*given: Any) -> dict[str, Any]:  # noqa: ANN401
             nonlocal ran
             ran = True
-            with self._left_when_the_database_fails():  # here too: dbos would record it as what the step came to
+            # here too: dbos would record it as what the step came to
+            with self._left_when_the_database_fails(), tracing.span(f"training {options['name']}", job=self._id):
                 return step(*given)
 
         with self._left_when_the_database_fails():
@@ -156,6 +158,17 @@ class Attempt:
         report = JobReport(started_at)
         report.began(attempt)
         return report
+
+
+def came_with(runner: Runner, job_id: str) -> dict[str, str]:
+    """The trace in which the job was submitted, as `tracing.continued` takes it; empty where no trace is kept."""
+    if not tracing.is_on():
+        return {}
+    with suppress(JobsUnavailableError):
+        row = runner.database.row(job_id)
+        parent = (row.attributes or {}).get("traceparent") if row is not None else None
+        return {"traceparent": str(parent)} if parent else {}
+    return {}
 
 
 def _deaths(row: WorkflowStatus) -> int:

@@ -12,7 +12,7 @@ from typing import Literal
 from pydantic import BaseModel
 
 from model_store import CorruptArtefactError, ModelStore, StoreError
-from service import child
+from service import child, parts
 from service.errors import DatasetError
 from service.training.stored_dataset import RUNS_FILE
 
@@ -30,8 +30,10 @@ class _Request(BaseModel):
 async def preview_in_process(store_url: str, dataset: str, kind: Literal["svg", "png"]) -> bytes:
     """The figure of a dataset, given by its id. When the awaiting task is cancelled, the process is killed.
 
-    Raises CorruptArtefactError when what is stored cannot be drawn, and TimeoutError after a minute.
+    Raises CorruptArtefactError when what is stored cannot be drawn, TimeoutError after a minute, and MissingPartError
+    where Matplotlib is not installed.
     """
+    parts.require(parts.PICTURES, "the figure of a dataset")
     request = _Request(store_url=store_url, dataset=dataset, kind=kind)
     done = await child.ask("service.jobs.preview_process:main", request.model_dump_json().encode(), within_s=WALL_S)
     if done.returncode == 0 and done.stdout:

@@ -11,6 +11,7 @@ import uuid
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Self
 
+from service import tracing
 from service.errors import IdempotencyKeyError, JobNotFoundError, JobStateError, JobsUnavailableError
 from service.jobs.job import ENDED, JobEvent, JobState, TrainingJob
 from service.jobs.record import STATUSES, event_of, final_event, first_event, job_of, moment, submitted_ms
@@ -104,6 +105,8 @@ class JobQueue:
             "hand_backs": 0,
             "asked": _digest(asked or request),
         }
+        if parent := tracing.traceparent():  # the worker goes on with this trace
+            attributes["traceparent"] = parent
         content = request.model_dump(mode="json")
         new = self._database.enqueue(job_id, content, actor, attributes=attributes, capacity=self._capacity)
         row = self._row(job_id)

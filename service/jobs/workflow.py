@@ -18,7 +18,8 @@ import structlog
 from dbos import DBOS
 
 from model_store import CorruptArtefactError, FileEntry, StoreError
-from service.jobs.attempt import Attempt, Runner
+from service import tracing
+from service.jobs.attempt import Attempt, Runner, came_with
 from service.jobs.failure import JobFailedError, failure_of
 from service.jobs.job import WORKFLOW, JobFailure, JobResult
 from service.jobs.request import TrainingJobRequest, stored_request
@@ -44,7 +45,8 @@ def register_workflow(runner: Runner) -> None:
         assert job_id is not None
         runner.enter(job_id)
         try:
-            return _Job(runner, job_id, stored_request(request), actor).run()
+            with tracing.continued("training job", came_with(runner, job_id), {"rover_twin.job": job_id}):
+                return _Job(runner, job_id, stored_request(request), actor).run()
         finally:
             runner.leave(job_id)
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import safetensors.numpy
 
+from service import parts
 from service.errors import CheckpointError
 from service.learning.drive.model import DriveModel
 from service.learning.trajectory_model import TrajectoryModel
@@ -65,6 +66,7 @@ def restore_model(description: Mapping[str, Any], weights: bytes) -> TrajectoryM
 
     Raises CheckpointError when the description names something unknown or an architecture of the past, or when the
     weights are truncated, do not fit the architecture or hold NaN or infinity (safetensors checks none of the latter).
+    Raises MissingPartError for a network where torch is not installed.
     """
     try:
         if description["outputs"] != _OUTPUTS:
@@ -75,6 +77,7 @@ def restore_model(description: Mapping[str, Any], weights: bytes) -> TrajectoryM
         if description["architecture"]["name"] == DRIVE_MODEL:
             arrays = read_weights(safetensors.numpy.load, weights)
             return DriveModel.restore(description["architecture"]["arguments"], arrays, prior)
+        parts.require(parts.NETWORKS, f"the architecture {description['architecture']['name']!s:.40}")
         from service.learning.network.checkpoint import restore_network  # noqa: PLC0415 - brings torch
 
         return restore_network(description, prior, weights)

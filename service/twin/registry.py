@@ -17,6 +17,7 @@ from functools import lru_cache
 
 from model_store import ModelStore, Resolved, StoreError, parse_reference
 from service.errors import RoverTwinError
+from service.tracing import span
 from service.twin.load import load_twin
 from service.twin.probe import probe
 from service.twin.twin import Twin
@@ -226,7 +227,8 @@ class TwinRegistry:
             with self._loading:
                 twin = self._resident(place)
                 if twin is None:
-                    twin = load_twin(self._store, *place)
+                    with span("load model", model=resolved.name, version=resolved.version):
+                        twin = load_twin(self._store, *place)
                     self._tell_loaded(twin)
                     _warm_up(twin)
                 with self._lock:

@@ -19,6 +19,7 @@ from service.learning.trajectory_model import TrajectoryModel
 from service.physics.frames import slope_to_world
 from service.physics.scenario import Array, Motion, Positions, Scenarios
 from service.physics.wheel_speed import slip_ratio, wheel_speed_rad_s
+from service.tracing import span_of
 from service.twin.batch import PredictionBatch, as_physics
 from service.twin.prediction import Frame, NonFiniteError, OutsideDomainError, Prediction, PredictionBand
 from service.twin.scenario import Scenario
@@ -114,7 +115,8 @@ class Twin:
         physics, horizons = scenario.as_physics(), np.array([scenario.horizon_s])
         _own_samples(time_s, horizons)
         asked = _Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
-        core = self._predicted((scenario,), physics, horizons, asked)
+        with span_of("predict", self, 1):
+            core = self._predicted((scenario,), physics, horizons, asked)
         return Prediction(
             scenario=scenario,
             frame=frame,
@@ -147,7 +149,8 @@ class Twin:
         counts = _own_samples(time_s, horizons)
         physics = as_physics(scenarios)
         asked = _Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
-        core = self._predicted(scenarios, physics, horizons, asked)
+        with span_of("predict", self, len(scenarios)):
+            core = self._predicted(scenarios, physics, horizons, asked)
         slopes = np.array([scenario.slope_deg for scenario in scenarios])
         return PredictionBatch(
             scenarios=tuple(scenarios),

@@ -1,4 +1,4 @@
-"""Builds the image and uses it as an operator would. Minutes: runs only with `pytest -m image`.
+"""Builds both images and uses them as an operator would. Minutes: runs only with `pytest -m image`.
 
 Which container tool: docker or podman, whichever has a working engine. Where neither can build by itself,
 ROVER_TWIN_IMAGE_BUILD and ROVER_TWIN_IMAGE_RUN name commands that do, called as
@@ -12,6 +12,7 @@ the tests skip and say so.
 
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import shutil
@@ -28,7 +29,10 @@ import pytest
 from rover_twin_client import RoverTwin
 
 REPOSITORY = Path(__file__).parents[2]
-TAG = "rover-twin:test"
+BOM = "/opt/rover-twin/sbom.cdx.json"
+ABSENT = ("pytest", "mypy", "ruff", "pip", "setuptools", "cyclonedx")
+LARGE = ("torch", "scipy", "matplotlib")
+MOST_SERVING_BYTES = 450_000_000
 GRACE_S = 20  # between SIGTERM and SIGKILL
 PORT_INSIDE = 8000
 
@@ -40,9 +44,16 @@ class Tool:
     """A container tool: `engine` looks at and stops containers, the other two build and run."""
 
     engine: str
-    build: list[str]
-    run: list[str]
+    build: tuple[str, ...]
+    run: tuple[str, ...]
     on_host_network: bool
+
+    def make(self, target: str, tag: str) -> None:
+        """Build one of the Dockerfile's targets."""
+        if self.on_host_network:
+            call([*self.build, tag, "docker/Dockerfile", ".", "--format", "docker", "--target", target])
+        else:
+            call([*self.build, "--target", target, "-t", tag, "-f", "docker/Dockerfile", "."])
 
     def __call__(self, *arguments: str, check: bool = True) -> str:
         return call([self.engine, *arguments], check=check)
@@ -70,20 +81,27 @@ def tool() -> Tool:
     """The container tool of this machine, or a skip that says what was looked for."""
     build, run = os.environ.get("ROVER_TWIN_IMAGE_BUILD"), os.environ.get("ROVER_TWIN_IMAGE_RUN")
     if build and run:
-        described = [*shlex.split(build), TAG, "docker/Dockerfile", ".", "--format", "docker"]
-        return Tool("podman", described, [*shlex.split(run), TAG], on_host_network=True)
-    for engine, options in (("docker", []), ("podman", ["--format", "docker"])):
+        return Tool("podman", tuple(shlex.split(build)), tuple(shlex.split(run)), on_host_network=True)
+    for engine, options in (("docker", ()), ("podman", ("--format", "docker"))):
         if works(engine):
-            build_here = [engine, "build", *options, "-t", TAG, "-f", "docker/Dockerfile", "."]
-            return Tool(engine, build_here, [engine, "run", "--rm"], on_host_network=False)
+            return Tool(engine, (engine, "build", *options), (engine, "run", "--rm"), on_host_network=False)
     pytest.skip("NO IMAGE WAS BUILT OR RUN: no docker or podman engine, and ROVER_TWIN_IMAGE_BUILD/_RUN are not set")
 
 
-@pytest.fixture(scope="module")
-def image(tool: Tool) -> str:
-    """The image, built from this working tree."""
-    call(tool.build)
-    return TAG
+@dataclass(frozen=True)
+class Image:
+    """`target` of the Dockerfile, and what it is built as."""
+
+    target: str
+    tag: str
+
+
+@pytest.fixture(scope="module", params=["serving", "whole"])
+def image(tool: Tool, request: pytest.FixtureRequest) -> Image:
+    """Each image, built from this working tree."""
+    image = Image(request.param, f"rover-twin-{request.param}:test")
+    tool.make(image.target, image.tag)
+    return image
 
 
 @dataclass(frozen=True)
@@ -93,15 +111,16 @@ class Container:
 
 
 @pytest.fixture
-def container(tool: Tool, image: str) -> Iterator[Container]:
+def container(tool: Tool, image: Image) -> Iterator[Container]:
     """The service in a container with a read-only file system, waited for until healthy."""
     name = f"rover-twin-test-{uuid.uuid4().hex[:8]}"
     port = free_port()
     options = ["-d", "--name", name, "--read-only", "--tmpfs", "/tmp", "--cap-drop", "ALL"]
+    options += ["--security-opt", "no-new-privileges"]
     if tool.on_host_network:
-        call([*tool.run, *options, "-e", f"ROVER_TWIN_PORT={port}", "--"])
+        call([*tool.run, image.tag, *options, "-e", f"ROVER_TWIN_PORT={port}", "--"])
     else:
-        call([*tool.run, *options, "-p", f"127.0.0.1:{port}:{PORT_INSIDE}", image])
+        call([*tool.run, *options, "-p", f"127.0.0.1:{port}:{PORT_INSIDE}", image.tag])
     try:
         wait_until_healthy(tool, name)
         yield Container(name, f"http://127.0.0.1:{port}")
@@ -149,8 +168,44 @@ def test_sigterm_ends_it_within_the_grace_time(tool: Tool, container: Container)
     assert code in (0, 143), f"exit {code}; 137 would be SIGKILL"
 
 
-def test_the_image_carries_no_history_tests_or_development_tools(tool: Tool, container: Container) -> None:
-    asked = "import importlib.util as u; print([m for m in ('pytest', 'mypy', 'ruff', 'pip') if u.find_spec(m)])"
+def test_the_image_carries_no_history_tests_or_development_tools(
+    tool: Tool, image: Image, container: Container
+) -> None:
+    names = (*ABSENT, *LARGE)
+    asked = f"import importlib.util as u; print([m for m in {names} if u.find_spec(m)])"
 
-    assert tool("exec", container.name, "python", "-c", asked).strip() == "[]"
+    found = [] if image.target == "serving" else list(LARGE)
+    assert tool("exec", container.name, "python", "-c", asked).strip() == str(found)
     assert tool("exec", container.name, "find", "/opt/rover-twin", "-name", ".git").strip() == ""
+    assert tool("exec", container.name, "find", "/usr", "-perm", "/6000", "-type", "f").strip() == ""
+
+
+def test_its_bill_of_materials_lists_all_that_is_installed(tool: Tool, image: Image, container: Container) -> None:
+    bom = json.loads(tool("exec", container.name, "cat", BOM))
+    asked = "from importlib.metadata import distributions as d; [print(x.name, x.version) for x in d()]"
+    installed = {tuple(line.split()) for line in tool("exec", container.name, "python", "-c", asked).splitlines()}
+
+    assert (bom["bomFormat"], bom["specVersion"]) == ("CycloneDX", "1.6")  # the build has held it against the schema
+    listed = {(each["name"], each["version"]) for each in bom["components"]}
+    assert installed - listed == set()
+    assert all(each["licenses"] for each in bom["components"] if each.get("purl", "pkg:pypi").startswith("pkg:pypi"))
+    native = {each["name"]: each["hashes"][0]["content"] for each in bom["components"] if "hashes" in each}
+    engine = "service/learning/drive/native/librover.so"
+    package = "/opt/rover-twin/lib/python3.11/site-packages"
+    assert tool("exec", container.name, "sha256sum", f"{package}/{engine}").split()[0] == native[engine]
+    assert {"libc6", "zlib1g"} <= {each["name"] for each in bom["components"]}  # the system beneath
+
+
+def test_the_serving_image_is_small(tool: Tool, image: Image) -> None:
+    if image.target != "serving":
+        pytest.skip("a bar of the serving image")
+    size = int(tool("image", "inspect", "--format", "{{.Size}}", image.tag))
+
+    assert size <= MOST_SERVING_BYTES, f"{size / 1e6:.0f} MB"
+
+
+def test_what_the_serving_image_cannot_do_it_says(tool: Tool, image: Image, container: Container) -> None:
+    asked = ["rover-twin", "predict", "--slope-deg", "28", "--mass-kg", "430", "--torque-nm", "60", "--model"]
+    said = tool("exec", container.name, "sh", "-c", f"{shlex.join([*asked, 'viper-lunar-paper'])} 2>&1", check=False)
+
+    assert ("PyTorch" in said and "whole image" in said) == (image.target == "serving"), said

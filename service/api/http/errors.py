@@ -63,6 +63,7 @@ from service.errors import (
     JobNotFoundError,
     JobStateError,
     JobsUnavailableError,
+    MissingPartError,
     QueueFullError,
     RoverTwinError,
 )
@@ -118,6 +119,7 @@ _SLUGS: tuple[tuple[type[Exception], Slug], ...] = (
     (NotFoundError, Slug.NOT_FOUND),
     (CorruptArtefactError, Slug.ARTEFACT_CORRUPT),
     (CheckpointError, Slug.ARTEFACT_CORRUPT),
+    (MissingPartError, Slug.NOT_INSTALLED),
     (UnsupportedFormatError, Slug.UNSUPPORTED_FORMAT),
     (StoreUnavailableError, Slug.STORE_UNAVAILABLE),
 )

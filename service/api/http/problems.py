@@ -59,6 +59,7 @@ class Slug(StrEnum):
     STORE_UNAVAILABLE = "store-unavailable"
     NOT_READY = "not-ready"
     OVERLOADED = "overloaded"
+    NOT_INSTALLED = "not-installed"
     INTERNAL = "internal"
 
 
@@ -257,6 +258,13 @@ _ROWS = (
         503,
         "Overloaded",
         "The service has as much work as it takes; `detail` says of which kind. Try again after `Retry-After` seconds.",
+    ),
+    ProblemKind(
+        Slug.NOT_INSTALLED,
+        501,
+        "Not installed here",
+        "A library is needed that this installation does without: the serving image has no networks, no pictures and "
+        "no training. `detail` says which; ask a service that runs the whole image.",
     ),
     ProblemKind(
         Slug.INTERNAL, 500, "Internal error", "A fault of the service; report it with the `X-Request-ID` of the answer."

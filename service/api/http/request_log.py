@@ -26,7 +26,7 @@ REQUEST_ID = "X-Request-ID"
 _HEADER = REQUEST_ID.lower().encode()
 _SAFE_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 # asked every few seconds, by machines
-_QUIET = frozenset({"/health/live", "/health/ready", "/v2/health/live", "/v2/health/ready", "/metrics"})
+QUIET = frozenset({"/health/live", "/health/ready", "/v2/health/live", "/v2/health/ready", "/metrics"})
 
 _WITH_HEADERS = frozenset({"websocket.accept", "websocket.http.response.start"})
 
@@ -131,7 +131,7 @@ def write_refusal(method: str, status: int, seconds: float, client: str) -> None
 
 
 def _write(method: str, route: str, status: int, seconds: float, name: str, client: str) -> None:
-    level = logging.DEBUG if route in _QUIET else logging.INFO
+    level = logging.DEBUG if route in QUIET else logging.INFO
     if _log.isEnabledFor(level):
         duration_ms = round(seconds * 1000, 2)
         said = {"method": method, "route": route, "status": status, "duration_ms": duration_ms}

@@ -190,7 +190,7 @@ async def get_dataset(reference: Reference, services: TheServices) -> DatasetAns
     summary="A figure of a dataset",
     response_class=Response,
     response_model=None,
-    responses=_NO_DATASET
+    responses=problem_responses(Slug.INVALID_INPUT, Slug.DATASET_NOT_FOUND, Slug.NOT_INSTALLED)
     | {
         200: {
             "description": "The distance of every run over time, and where the scenarios lie.",

@@ -60,6 +60,7 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
         Slug.ALIAS_NOT_FOUND,
         Slug.NOT_ACCEPTABLE,
         Slug.ARTEFACT_CORRUPT,
+        Slug.NOT_INSTALLED,
         Slug.UNSUPPORTED_FORMAT,
         Slug.STORE_UNAVAILABLE,
         Slug.OVERLOADED,

@@ -12,6 +12,7 @@ from service.api.http.many_problems import MOST_IN_FULL, problem_of
 from service.api.services import Services
 from service.datasets.file_names import printable
 from service.errors import RoverTwinError
+from service.tracing import span
 from service.twin import Loaded
 from service.wire.faults import MAX_SHOWN
 from service.wire.steps.fleet import Fleet, Stepped, Travelled, travelled
@@ -76,7 +77,8 @@ class Stepping(Generic[Result]):
 
     def _finished(self, question: StepsQuestion, came: Travelled, loaded: Mapping[str, Loaded | Exception]) -> Result:
         began = time.perf_counter()
-        found = self.fleet.step(question, came, loaded)
+        with span("step", rovers=len(question)):
+            found = self.fleet.step(question, came, loaded)
         took = time.perf_counter() - began
         self.services.instruments.stepped(self.path, len(found), len(found.failures), took)
         return self.answer(question, found)

@@ -56,6 +56,7 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
         Slug.NOT_ACCEPTABLE,
         Slug.BODY_TOO_LARGE,
         Slug.ARTEFACT_CORRUPT,
+        Slug.NOT_INSTALLED,
         Slug.UNSUPPORTED_FORMAT,
         Slug.STORE_UNAVAILABLE,
         Slug.OVERLOADED,

@@ -41,6 +41,7 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
         Slug.VERSION_NOT_FOUND,
         Slug.NOT_ACCEPTABLE,
         Slug.ARTEFACT_CORRUPT,
+        Slug.NOT_INSTALLED,
         Slug.UNSUPPORTED_FORMAT,
         Slug.STORE_UNAVAILABLE,
         Slug.OVERLOADED,

@@ -29,7 +29,7 @@ _MEANINGS = {
     415: "The body has a `Content-Encoding` other than gzip or deflate.",
     429: "Wrong tokens keep coming from this address; the right one is let in at once.",
     500: "A fault of the service.",
-    501: "A part of the protocol that this service does not have.",
+    501: "A part of the protocol, or a library for the model, that this service does not have.",
     503: "It cannot be answered now: not ready, overloaded, or what is stored cannot be used.",
 }
 

@@ -37,7 +37,7 @@ Body = TypeVar("Body", bound=BaseModel)
 Endpoint = TypeVar("Endpoint", bound=Callable[..., Any])
 
 router = APIRouter(prefix=PREFIX, tags=["inference protocol"], responses=failure_responses(), route_class=Route)
-_OF_MODEL = failure_responses(404, 503)
+_OF_MODEL = failure_responses(404, 501, 503)
 
 Name = Annotated[str, Path(description="Name of a model.", examples=["viper-lunar"])]
 Version = Annotated[str, Path(description="Number of a version, or an alias.", examples=["1", "champion"])]

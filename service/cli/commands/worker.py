@@ -40,9 +40,10 @@ def worker(
     All jobs that wait now, then end, as in a nightly batch:
       rover-twin worker --once
     """
-    from service import child
+    from service import child, parts
     from service.settings import Settings, load_settings
 
+    parts.require(parts.TRAINING, "a training worker")
     if hasattr(os, "nice"):
         os.nice(child.NICENESS)  # before any library starts threads, which inherit it
     if supervised:
@@ -54,15 +55,18 @@ def worker(
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: ending.set())
 
+    from service import tracing
     from service.jobs.worker import run_worker
     from service.log import configure_logging
 
     configure_logging(settings.log_level, settings.log_format)
     code = 0
     try:
+        tracing.begin(settings, "worker")
         run_worker(settings, ending, once=once)
     except Exception as error:
         code = report(error, debug=context.obj.debug)
+    tracing.end()
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)  # dbos leaves threads that wait for jobs which others run now, and the process would for them

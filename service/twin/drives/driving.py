@@ -20,6 +20,7 @@ from service.learning.doubt.doubt import HIGHEST_LEVEL, LOWEST_LEVEL, Doubt
 from service.learning.doubt.meeting import Meeting
 from service.learning.doubt.outcomes import Class
 from service.physics.scenario import Array, Positions
+from service.tracing import span
 from service.twin.drives import summary as numbers
 from service.twin.drives.events import Event, events_of
 from service.twin.drives.question import DriveQuestion, Driver, Told, driver_of
@@ -91,7 +92,8 @@ def drive(twin: Twin, question: DriveQuestion, wanted: Wanted) -> Drive:
     or at a level that is not 0.5 to 0.99; NonFiniteError instead of answering with NaN or infinity.
     """
     driver = require_driver(twin, wanted)
-    return _Answer(twin, question, wanted, Rover.of(driver, question)).drive()
+    with span("drive", model=twin.name, version=twin.version):
+        return _Answer(twin, question, wanted, Rover.of(driver, question)).drive()
 
 
 def require_driver(twin: Twin, wanted: Wanted) -> Driver:

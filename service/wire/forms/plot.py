@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from service import parts
 from service.physics.scenario import Array
 from service.wire.forms.numbers import require_finite
 from service.wire.forms.subject import Picture, Writable
@@ -36,17 +37,18 @@ _drawing = threading.Lock()
 def encode_svg(subject: Writable) -> bytes:
     """The picture as SVG, without date; letters are drawn as shapes, so that it looks the same everywhere.
 
-    Raises NonFiniteError.
+    Raises NonFiniteError, and MissingPartError where Matplotlib is not installed.
     """
     return _saved(subject, "svg", {"Date": None, "Creator": None})
 
 
 def encode_png(subject: Writable) -> bytes:
-    """The picture as PNG, 825 by 594 pixels for two panels, more for more. Raises NonFiniteError."""
+    """The picture as PNG, 825 by 594 pixels for two panels, more for more. Raises as `encode_svg` does."""
     return _saved(subject, "png", {"Software": None})
 
 
 def _saved(subject: Writable, kind: str, metadata: Mapping[str, str | None]) -> bytes:
+    parts.require(parts.PICTURES, f"format={kind}")
     import matplotlib as mpl  # noqa: PLC0415 - a second that only those pay who ask for a picture
 
     require_finite(subject.columns(), "answer")
