@@ -11,12 +11,15 @@ The runtime under obstore has threads: open a store after `fork`, not before.
 
 from __future__ import annotations
 
+import errno
+import hashlib
 import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 from urllib.parse import urlsplit
 
 import obstore
@@ -24,29 +27,39 @@ from obstore.exceptions import AlreadyExistsError as ObjectExistsError
 from obstore.exceptions import BaseError, PermissionDeniedError, PreconditionError, UnauthenticatedError
 from obstore.store import LocalStore, from_url
 
-from model_store.errors import ArtefactTooLargeError, StoreUnavailableError
+from model_store.errors import ArtefactTooLargeError, StoreFullError, StoreUnavailableError
 from model_store.observing import observed
 
 if TYPE_CHECKING:
     from obstore import BytesStream
-    from obstore.store import ObjectStore
+    from obstore.store import ClientConfig, ObjectStore
 
 CHUNK_BYTES = 1 << 20
+PATIENCE_S = 4.0
+_SMALL_BYTES = 8 << 20  # documents; what is larger may take `_LARGE_S`, with pauses of `_SILENT_S`
+_LARGE_S, _SILENT_S = timedelta(seconds=600), timedelta(seconds=20)
 
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://")
+_TOOK = re.compile(r" in [0-9.]+(s|ms|µs|ns)\b")
 _SECRETS = re.compile(r"(?<=//)[^\s/]*@|\?[^\s\"]+")
 
 
 class Backend:
     """Keys and bytes; every failure of the backend becomes a `StoreUnavailableError`."""
 
-    def __init__(self, objects: ObjectStore, location: str) -> None:
+    def __init__(self, objects: ObjectStore, location: str, large: ObjectStore | None = None) -> None:
         self._objects = objects
+        self._large = large or objects  # the same place, asked with more patience
         self.location = location
+        self.remote = large is not None  # every look is a request over a network
 
     @classmethod
-    def open(cls, url: str | os.PathLike[str], *, create: bool = False) -> Backend:
+    def open(cls, url: str | os.PathLike[str], *, create: bool = False, patience_s: float = PATIENCE_S) -> Backend:
         """Open a plain path or a URL; `create` makes a missing directory (buckets are never made).
+
+        A call to a remote store that does not answer fails within `patience_s`, retries included. Over 8 MiB it may
+        take longer, with pauses of 20 s.
 
         Raises:
             StoreUnavailableError: the directory is missing, or the URL is of no kind obstore knows.
@@ -59,7 +72,10 @@ class Backend:
                 return cls(LocalStore(Path(text).expanduser().resolve(), mkdir=create), location)
             if text.startswith("file://"):
                 return cls(LocalStore.from_url(text, mkdir=create), location)
-            return cls(from_url(text), location)
+            if text.startswith("memory://"):
+                return cls(from_url(text), location)
+            quick = timedelta(seconds=patience_s / 2)
+            return cls(_remote(text, quick, quick), location, _remote(text, _LARGE_S, _SILENT_S))
         except (BaseError, OSError, ValueError) as error:
             raise StoreUnavailableError(
                 f"cannot open the model store {location!r}: {_SECRETS.sub('', _first_line(error))}; give an existing "
@@ -75,7 +91,7 @@ class Backend:
         """
         with self._translated("read", key):
             try:
-                found = obstore.get(self._objects, key)
+                found = obstore.get(self._objects if limit_bytes <= _SMALL_BYTES else self._large, key)
             except FileNotFoundError:
                 return None
             size = found.meta["size"]
@@ -93,7 +109,7 @@ class Backend:
         """
         with self._translated("read", key):
             try:
-                found = obstore.get(self._objects, key)
+                found = obstore.get(self._large, key)
             except FileNotFoundError:
                 return None
         return self._pieces(found.stream(min_chunk_size=CHUNK_BYTES), key)
@@ -119,7 +135,7 @@ class Backend:
         """Write a new object in one piece; False, and nothing changed, when the key is taken."""
         with self._translated("create", key):
             try:
-                obstore.put(self._objects, key, data, mode="create", use_multipart=False)
+                obstore.put(self._for(data), key, data, mode="create", use_multipart=False)
             except (ObjectExistsError, PreconditionError):
                 return False
             return True
@@ -134,7 +150,7 @@ class Backend:
     def replace(self, key: str, data: bytes) -> None:
         """Write an object in one piece, over the one that may be there."""
         with self._translated("write", key):
-            obstore.put(self._objects, key, data, use_multipart=False)
+            obstore.put(self._for(data), key, data, use_multipart=False)
 
     def remove(self, key: str) -> bool:
         """Remove an object; False when there was none."""
@@ -151,11 +167,21 @@ class Backend:
             found = obstore.list(self._objects, prefix).collect()
             return [entry["path"].removeprefix(f"{prefix}/") for entry in found]
 
+    def fingerprint(self, prefix: str) -> str:
+        """A digest of all keys under a prefix and their states: it changes with anything there. One listing."""
+        with self._translated("list", prefix):
+            found = obstore.list(self._objects, prefix).collect()
+            states = sorted(f"{each['path']} {each['e_tag']} {each['size']}" for each in found)
+            return hashlib.sha256("\n".join(states).encode()).hexdigest()
+
     def folders(self, prefix: str) -> list[str]:
         """The names one level under a prefix that have something below them."""
         with self._translated("list", prefix):
             found = obstore.list_with_delimiter(self._objects, prefix)
             return [path.rpartition("/")[2] for path in found["common_prefixes"]]
+
+    def _for(self, data: bytes) -> ObjectStore:
+        return self._objects if len(data) <= 1 << 20 else self._large
 
     @contextmanager
     def _translated(self, doing: str, key: str) -> Iterator[None]:
@@ -168,14 +194,47 @@ class Backend:
                 "check the owner and mode of the directory, or the credentials"
             ) from error
         except (BaseError, OSError) as error:
-            raise StoreUnavailableError(
-                f"cannot {doing} {key} in the model store {self.location!r}: {_first_line(error)}"
-            ) from error
+            kind = StoreFullError if _is_full(error) else StoreUnavailableError
+            raise kind(f"cannot {doing} {key} in the model store {self.location!r}: {_first_line(error)}") from error
+
+
+def _remote(url: str, whole: timedelta, silent: timedelta) -> ObjectStore:
+    """A store that gives up an attempt after `whole`, or when nothing comes for `silent`, and begins none later.
+
+    A call is over after twice that: when the last attempt that it may begin hangs as well.
+    """
+    return from_url(
+        url,
+        client_options={**_from_environment(), "timeout": whole, "connect_timeout": silent, "read_timeout": silent},
+        retry_config={
+            "max_retries": 5,
+            "retry_timeout": silent,
+            "backoff": {"init_backoff": timedelta(seconds=0.1), "max_backoff": timedelta(seconds=1), "base": 2},
+        },
+    )
+
+
+def _from_environment() -> ClientConfig:
+    """What obstore reads itself as long as no option is given: with one, it forgets AWS_ALLOW_HTTP and its like."""
+    found: dict[str, object] = {}
+    for name in ("allow_http", "allow_invalid_certificates", "proxy_url", "proxy_ca_certificate", "proxy_excludes"):
+        for prefix in ("AWS", "GOOGLE", "AZURE"):
+            value = os.environ.get(f"{prefix}_{name.upper()}")
+            if value:
+                found[name] = value.lower() in ("1", "true", "yes", "on") if name.startswith("allow") else value
+    return cast("ClientConfig", found)
+
+
+def _is_full(error: Exception) -> bool:
+    """Whether there is no room: obstore tells it in words, with the number of the system's error."""
+    if isinstance(error, OSError) and error.errno in _NO_ROOM:
+        return True
+    return any(f"(os error {number})" in str(error) for number in _NO_ROOM)
 
 
 def _first_line(error: Exception) -> str:
     # obstore appends a page of debugging; it stays reachable as the cause
-    return str(error).partition("\n")[0]
+    return _TOOK.sub("", str(error).partition("\n")[0])  # without how long it took: the same failure reads the same
 
 
 def _public(url: str) -> str:

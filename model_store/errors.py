@@ -18,6 +18,7 @@ StoreError
 ├── InvalidReferenceError (also ValueError)
 ├── InvalidDraftError (also ValueError)
 └── StoreUnavailableError
+    └── StoreFullError
 
 Every message says what, where and what to do about it. "Where" is a path inside the store; only StoreUnavailableError,
 which is for the operator, tells where the store is and what the backend said.
@@ -103,3 +104,7 @@ class InvalidDraftError(StoreError, ValueError):
 
 class StoreUnavailableError(StoreError):
     """The backend fails: not there, not permitted, not answering."""
+
+
+class StoreFullError(StoreUnavailableError):
+    """There is no room left for what was to be written; nothing half-written is ever shown."""

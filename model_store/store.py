@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 
+from model_store import layout
 from model_store.aliases import Aliases
-from model_store.backend import Backend
+from model_store.backend import PATIENCE_S, Backend
 from model_store.copying import copy
 from model_store.errors import CorruptArtefactError, NotFoundError, UnsupportedFormatError
 from model_store.files import MAX_FILE_BYTES, FileEntry
@@ -38,16 +39,26 @@ class ModelStore:
         self._work = WorkFiles(backend)
 
     @classmethod
-    def open(cls, url: str | os.PathLike[str], *, create: bool = False) -> ModelStore:
+    def open(cls, url: str | os.PathLike[str], *, create: bool = False, patience_s: float = PATIENCE_S) -> ModelStore:
         """Open a store: a plain path, or a file://, memory://, s3://, gs:// or az:// URL.
 
         `create` makes a missing directory. An empty place is a good, empty store. Each `memory://` is a store of its
-        own, gone with the object. Open after `fork`, not before: the backend's runtime has threads.
+        own, gone with the object. Calls to a remote store that does not answer fail within `patience_s`, those
+        for objects over 8 MiB after a pause of 20 s. Open after `fork`, not before: the backend's runtime has threads.
 
         Raises:
             StoreUnavailableError: the directory is missing or the URL unknown.
         """
-        return cls(Backend.open(url, create=create))
+        return cls(Backend.open(url, create=create, patience_s=patience_s))
+
+    @property
+    def remote(self) -> bool:
+        """Whether every look is a request over a network: those who look often then look less often."""
+        return self._backend.remote
+
+    def fingerprint(self) -> str:
+        """A digest that changes with every version, alias and file of any model; costs one listing."""
+        return self._backend.fingerprint(layout.MODELS_ROOT)
 
     @property
     def location(self) -> str:

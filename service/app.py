@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import gc
 import json
+import os
 import signal
 import socket
 import sys
+import threading
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
@@ -75,9 +77,11 @@ from service.memory import give_back, limit_arenas
 from service.processes import run_processes
 from service.settings import Settings, require_tokens
 from service.twin import Twin, TwinRegistry
+from service.twin.registry import REFRESH_S, REMOTE_REFRESH_S
 
-_STORAGE_THREADS = 16
 _TICKS_OF_A_SECOND = 10
+_CLOSE_S = 2.0
+_LAST_S = 1.0  # beyond drain and grace, for what a process tidies up
 _PARTING_S = 5.0  # in which live connections hand back what they keep
 _FOR_FORMS = {PREFIX: failure}
 _Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[LifespanState]]
@@ -94,7 +98,7 @@ def create_app(
     `lifecycle` lets whoever runs the app announce its end, `instruments` count what several processes do. Raises what
     `ModelStore.open` and `tokens_of` raise.
     """
-    store = ModelStore.open(settings.store_url)
+    store = ModelStore.open(settings.store_url, patience_s=settings.store_timeout_s)
     counting, waiting = instruments or Instruments(), WaitingBytes(settings.max_answer_bytes)
     threads = settings.threads or available_cpus()
 
@@ -107,7 +111,7 @@ def create_app(
         store,
         settings.default_model,
         capacity=settings.max_resident_versions,
-        refresh_s=settings.refresh_s,
+        refresh_s=settings.refresh_s or (REMOTE_REFRESH_S if store.remote else REFRESH_S),
         loaded=brought_in,
         released=give_back,
     )
@@ -129,28 +133,37 @@ def create_app(
             store=store,
             registry=registry,
             predictions=WorkerThreads("predictions", threads, settings.max_waiting, waiting.require_room, pace),
-            storage=WorkerThreads("store reads", _STORAGE_THREADS, settings.max_waiting, pace=pace),
+            pace=pace,
             instruments=counting,
             access=access,
             jobs=jobs,
             audit=AuditLog(settings.jobs_url(), settings.audit_days) if jobs else None,
         )
 
+        starting: list[anyio.CancelScope] = []
+        ended = anyio.Event()
+
         async def start() -> None:
-            await anyio.to_thread.run_sync(registry.start)
+            starting.append(anyio.CancelScope())
+            with starting[0]:  # a store that hangs does not hold the end
+                await anyio.to_thread.run_sync(registry.start, abandon_on_cancel=True)
             await anyio.to_thread.run_sync(remove_forgotten_uploads)
-            if worker:  # only now: what starts must not wait for processor time
+            if worker and not ended.is_set():  # only now: what starts must not wait for processor time
                 await worker.run()
 
         async with anyio.create_task_group() as tasks:
             # beside the start, not before it: a slow store must not make the process look dead
             tasks.start_soon(start)
             yield LifespanState(services=services)
+            ended.set()
+            for scope in starting:
+                scope.cancel()
             if worker:
                 worker.end()
-        await anyio.to_thread.run_sync(registry.close)
+        registry.close()
         if jobs:
-            await anyio.to_thread.run_sync(jobs.close)
+            with anyio.move_on_after(_CLOSE_S):
+                await anyio.to_thread.run_sync(jobs.close, abandon_on_cancel=True)
 
     app = _assemble(lifespan, counting, _Chosen.of(settings), waiting)
     _prepare_routes(app)
@@ -267,11 +280,14 @@ class Server(uvicorn.Server):
         self._lifecycle = lifecycle
         self._drain_s = drain_s
         self._ends_at: float | None = None
+        self.ends_process = False
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """The signal handler."""
         first = not self._lifecycle.draining
         self._lifecycle.draining = True
+        if first and self.ends_process:
+            self._end_at_the_latest(sig)
         if first and sig == signal.SIGTERM and self._drain_s > 0:
             self._ends_at = time.monotonic() + self._drain_s
         else:
@@ -285,6 +301,18 @@ class Server(uvicorn.Server):
         doors = [each.fileno() for server in self.servers for each in server.sockets]
         self._acceptor = Acceptor(doors, protocol)
         self._connections.arrived = self._acceptor.take
+
+    def _end_at_the_latest(self, sig: int) -> None:
+        """Threads that hang in a store or a database hold no end."""
+        drain_s = self._drain_s if sig == signal.SIGTERM else 0.0
+        grace_s = float(self.config.timeout_graceful_shutdown or 0)
+        end = threading.Timer(drain_s + grace_s + _LAST_S, self._give_up)
+        end.daemon = True
+        end.start()
+
+    def _give_up(self) -> None:
+        _log.error("something did not end in time; the process ends without it")
+        os._exit(1)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """No new requests from here on: streams end, live connections hand back what they keep, all others finish."""
@@ -339,6 +367,7 @@ def _serve(
     allow_files(settings.max_connections)
     server = make_server(create_app(settings, lifecycle, counting), settings, lifecycle, counting)
     gc.collect()
+    server.ends_process = True
     gc.freeze()  # modules and routes stay for good: no collection need look through them while requests wait
     try:
         server.run(sockets)

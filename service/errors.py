@@ -5,6 +5,7 @@
     ├── DatasetError          a dataset or one of its files cannot be used
     ├── DatasetInUseError     a dataset cannot be deleted; names the versions and jobs that need it
     ├── CheckpointError       a stored version cannot become a twin
+    ├── StorageFullError      no room is left for what was to be written
     ├── TrainingError         a training run could not start or finish
     ├── MissingPartError      a library that this installation does without is needed
     └── JobError              a training job or their queue
@@ -13,12 +14,14 @@
         ├── QueueFullError        as many jobs wait as may; names when to come back
         ├── IdempotencyKeyError   the key was used for another request (also ValueError)
         └── JobsUnavailableError  the jobs' database does not answer
+            └── JobsDatabaseGoneError  its file was deleted or replaced while it was in use
 
 The store keeps its own tree (`model_store/errors.py`), since it imports nothing of ours.
 """
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Sequence
 
 
@@ -50,6 +53,14 @@ class DatasetInUseError(RoverTwinError):
 
 class CheckpointError(RoverTwinError):
     """A stored version cannot be turned into a twin: the message says what does not fit."""
+
+
+class StorageFullError(RoverTwinError):
+    """No room is left on this machine for what was to be written; nothing of it was kept."""
+
+
+NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""Numbers of the system's errors that mean this."""
 
 
 class TrainingError(RoverTwinError):
@@ -86,6 +97,10 @@ class IdempotencyKeyError(JobError, ValueError):
 
 class JobsUnavailableError(JobError):
     """The jobs' database does not answer; nothing was changed, or an acknowledgement got lost."""
+
+
+class JobsDatabaseGoneError(JobsUnavailableError):
+    """The file of the jobs' database was deleted or replaced while it was in use; a new process uses what is there."""
 
 
 class AuditUnavailableError(RoverTwinError):

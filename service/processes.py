@@ -27,7 +27,7 @@ from service.log import configure_logging
 from service.settings import Settings
 
 _PAUSES_S = 0.5, 30.0  # the first and the longest
-_END_S = 15.0  # beyond drain and grace: what a process may need to tidy up
+_END_S = 5.0  # beyond drain and grace: what a process may need to tidy up
 
 _log = structlog.get_logger(__name__)
 

@@ -94,8 +94,19 @@ class Settings(BaseSettings):
     max_resident_versions: Annotated[int, Field(ge=1, le=1000)] = Field(
         default=4, description="Model versions kept in memory; the least recently used one makes room."
     )
-    refresh_s: Annotated[float, Field(gt=0, le=60)] = Field(
-        default=0.5, description="Seconds between two looks at the store for moved aliases."
+    refresh_s: Annotated[float, Field(gt=0, le=60)] | None = Field(
+        default=None,
+        description="Seconds between two looks at the store for moved aliases. The default is 0.5 for a directory and "
+        "4 for a remote store, where a look is one request for each 1,000 objects.",
+    )
+    store_timeout_s: Annotated[float, Field(ge=0.2, le=600)] = Field(
+        default=4.0,
+        description="Seconds after which a request is answered with a 503 when the model store does not answer. "
+        "What reads much, such as a version that is not in memory, may take four times as long.",
+    )
+    jobs_timeout_s: Annotated[float, Field(ge=0.2, le=600)] = Field(
+        default=4.5,
+        description="Seconds after which a request is answered with a 503 when the jobs database does not answer.",
     )
     max_points: Annotated[int, Field(ge=2, le=10_000_000)] = Field(
         default=100_000, description="Largest number of points of one trajectory."

@@ -48,6 +48,21 @@ class Postgres:
                 process.send_signal(signal.SIGKILL)
         psutil.wait_procs([postmaster, *sessions], timeout=10)
 
+    def _all(self) -> list[psutil.Process]:
+        postmaster = self.server.get_postmaster_info().process
+        return [postmaster, *postmaster.children(recursive=True)]
+
+    def freeze(self) -> None:
+        """The server and all its sessions stand still; the kernel goes on taking connections for them."""
+        for process in self._all():
+            with suppress(psutil.NoSuchProcess):
+                process.suspend()
+
+    def thaw(self) -> None:
+        for process in self._all():
+            with suppress(psutil.NoSuchProcess):
+                process.resume()
+
     def start(self) -> None:
         """Start it again after `kill`; it recovers from its log.
 

@@ -105,6 +105,9 @@ class _Server(ThreadingHTTPServer):
         self.counts: Counter[str] = Counter()
         self.behaviour = "ok"
 
+    def handle_error(self, *_: object) -> None:
+        """Nothing: clients that give up and go away are what some tests are about."""
+
 
 class _Requests(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"

@@ -40,7 +40,7 @@ ADMIN_PROBLEMS = (
 )
 """What every admin route can answer besides its own problems."""
 
-AUDIT_S = 5.0
+AUDIT_S = 4.5
 _PREFIX = "/v1/admin"
 _SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 _OLD_ACTOR = "X-Actor"

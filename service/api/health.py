@@ -5,6 +5,7 @@ Who sends a token is told more: where the store is and what its backend said is 
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Request
@@ -52,6 +53,13 @@ class ReadyAnswer(BaseModel):
     status: Literal["ready"] = "ready"
     model: ModelIdentity
     probe: Probe
+    aliases_stale_since: Annotated[
+        datetime | None,
+        Field(
+            description="When the store last said where the aliases point, if the next look is overdue. Until it is "
+            "made, predictions go on with the versions of that time."
+        ),
+    ] = None
     failures: Annotated[
         list[LoadFailure] | SkipJsonSchema[None],
         Field(description="What cannot be loaded or brought up to date. Only with a token."),
@@ -92,7 +100,8 @@ async def ready(services: TheServices, request: Request) -> ReadyAnswer:
         raise NotReadyError(f"the default model {default} cannot predict: {why}") from error
     except TimeoutError:
         raise NotReadyError(f"the default model {default} gave no answer in {PROBE_TIMEOUT_S:g} s") from None
-    answer = ReadyAnswer(model=_identity(loaded), probe=probe)
+    stale_since = services.registry.status().stale_since
+    answer = ReadyAnswer(model=_identity(loaded), probe=probe, aliases_stale_since=stale_since)
     return answer.model_copy(update=_details(services)) if known else answer
 
 

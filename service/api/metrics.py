@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 
 import anyio.to_thread
 from fastapi import APIRouter, Request, Response
-from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from service.api.http.instruments import PREFIX
@@ -44,10 +44,17 @@ class _Residents(Collector):
         self._problem = services.access.tokens.look()
 
     def collect(self) -> Iterable[Metric]:
-        """Three gauges."""
+        """What is in memory, and how well it follows the store."""
         yield GaugeMetricFamily(f"{PREFIX}resident_versions", "Versions in memory.", len(self._status.resident))
         failures = "References that cannot be loaded or brought up to date."
         yield GaugeMetricFamily(f"{PREFIX}reference_failures", failures, len(self._status.failures))
+        age = "Seconds since the store last said where the followed aliases point."
+        yield GaugeMetricFamily(f"{PREFIX}aliases_confirmed_age_seconds", age, self._status.confirmed_s)
+        looks = CounterMetricFamily(
+            f"{PREFIX}alias_looks_failed", "Looks at the aliases that the store did not answer."
+        )
+        looks.add_metric((), self._status.failed_looks)
+        yield looks
         unusable = "Whether the tokens file has become unusable; the tokens before are in force."
         yield GaugeMetricFamily(f"{PREFIX}tokens_file_unusable", unusable, int(self._problem is not None))
 

@@ -21,7 +21,7 @@ import sqlalchemy as sa
 from dbos import DBOSClient, DBOSPortableJSONSerializer, EnqueueOptions, WorkflowStatus
 from dbos import error as dbos_errors
 
-from service.errors import JobsUnavailableError, QueueFullError
+from service.errors import JobsDatabaseGoneError, JobsUnavailableError, QueueFullError
 from service.jobs.failure import JobFailedError
 from service.jobs.job import APPLICATION, APPLICATION_VERSION, EVENTS, QUEUE, STATUS, WORKFLOW
 
@@ -31,6 +31,7 @@ _POOL = 8
 _RETRY_AFTER_S = 30
 _EVENT_POLL_S = 0.25
 _SUBMISSIONS_LOCK = 0x526F766572  # any number, the same in every process
+_LEFT_OPEN: list[JobsDatabase] = []
 _SECRETS = re.compile(r"(?<=//)[^\s/]*@|password=\S+")
 
 
@@ -85,6 +86,41 @@ def wait_for_server(engine: sa.Engine, ending: threading.Event) -> None:
         sa.event.listen(engine, "do_connect", connect)
 
 
+class DatabaseFile:
+    """The file of a SQLite database as it was when it was opened; on PostgreSQL there is none.
+
+    Whoever deletes or replaces the file leaves open connections with one that nobody will ever find again: what is
+    written there is lost with the last of them. Nor may that one be closed: SQLite would remove the log of the new
+    file, which has the same name. So a process that meets this refuses everything until it is started again.
+    """
+
+    def __init__(self, engine: sa.Engine) -> None:
+        name = engine.url.database if engine.dialect.name == "sqlite" else None
+        self._path = Path(name).absolute() if name else None
+        self._opened = self._identity()
+
+    def require(self, *, written: bool = False) -> None:
+        """Raises JobsUnavailableError unless the file is still there; after writing, its log has to be there, too."""
+        if self._path is None:
+            return
+        if self._identity() != self._opened:
+            raise JobsDatabaseGoneError(
+                f"the jobs database {self._path} was deleted or replaced while it was in use; put it back if it was "
+                "moved, else restart the service: it begins a new one"
+            )
+        if written and not self._path.with_name(f"{self._path.name}-wal").exists():
+            raise JobsDatabaseGoneError(f"the log of the jobs database {self._path} was deleted while it was in use")
+
+    def _identity(self) -> tuple[int, int] | None:
+        if self._path is None:
+            return None
+        try:
+            found = self._path.stat()
+        except OSError:
+            return None
+        return found.st_dev, found.st_ino
+
+
 class JobsDatabase:
     """Rows, streams and notes of the jobs. Safe to share between threads.
 
@@ -95,6 +131,7 @@ class JobsDatabase:
         self.engine = engine
         self._patience_s = patience_s
         self._submitting = threading.Lock()
+        self.file = DatabaseFile(engine)
         # dbos would wait for a locked file for ever
         sa.event.listen(engine, "handle_error", _give_up_when_locked)
         self._client = DBOSClient(
@@ -118,10 +155,16 @@ class JobsDatabase:
             except BaseException:
                 engine.dispose()
                 raise
+            database.file = DatabaseFile(engine)
             return database
 
     def close(self) -> None:
-        """Let go of all connections."""
+        """Let go of all connections, but for those to a file that is gone."""
+        try:
+            self.file.require()
+        except JobsDatabaseGoneError:
+            _LEFT_OPEN.append(self)
+            return
         self._client.destroy()
         self.engine.dispose()
 
@@ -141,6 +184,7 @@ class JobsDatabase:
             "application_name": APPLICATION,
             "attributes": attributes,
         }
+        self.file.require()
         try:
             with self._one_submitter(), answering(), self.engine.begin() as connection:
                 if connection.dialect.name == "postgresql":  # SQLite has one writer at a time anyway
@@ -150,6 +194,7 @@ class JobsDatabase:
                 waiting = len(self.rows(["ENQUEUED", "DELAYED"], limit=capacity))
                 if waiting >= capacity:
                     raise QueueFullError(waiting, _RETRY_AFTER_S)
+            self.file.require(written=True)  # nothing is acknowledged that went into a file without a name
         except dbos_errors.DBOSWorkflowIDInUseError:
             return False
         return True
@@ -166,6 +211,7 @@ class JobsDatabase:
 
     def row(self, job_id: str) -> WorkflowStatus | None:
         """A job's row with input and output, None when there is none."""
+        self.file.require()
         with answering():
             found = self._client.list_workflows(workflow_ids=[job_id], name=WORKFLOW)
         return found[0] if found else None
@@ -180,6 +226,7 @@ class JobsDatabase:
         whole: bool = False,
     ) -> list[WorkflowStatus]:
         """Rows of jobs, newest first; `whole` ones have input and output."""
+        self.file.require()
         with answering():
             return self._client.list_workflows(
                 name=WORKFLOW,
@@ -241,8 +288,10 @@ class JobsDatabase:
 
     def cancel(self, job_id: str) -> None:
         """Cancel a job unless it has ended. Its worker notices when it looks."""
+        self.file.require()
         with answering():
             self._client.cancel_workflow(job_id)
+        self.file.require(written=True)
 
     def take_back(self, executor_id: str, only: Collection[str] | None = None) -> list[str]:
         """Queue again what this executor was running, or `only` some of it; returns the ids.

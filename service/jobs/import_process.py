@@ -23,7 +23,7 @@ from model_store import ModelStore, StoreError
 from service import child
 from service.datasets import RejectedDatasetError, ValidationReport
 from service.datasets.uploads.upload_form import UploadForm, UploadLimits
-from service.errors import DatasetError, InvalidValueError
+from service.errors import NO_ROOM, DatasetError, InvalidValueError, StorageFullError
 from service.training.stored_dataset import UploadResult
 
 _MAIN = "service.jobs.import_process:main"
@@ -56,7 +56,7 @@ class _Answer(BaseModel):
 
     result: UploadResult | None = None
     report: ValidationReport | None = None
-    error: Literal["rejected", "value", "dataset", "store", "memory"] | None = None
+    error: Literal["rejected", "value", "dataset", "store", "memory", "full"] | None = None
     name: str = ""
     message: str = ""
     field: str = ""
@@ -81,7 +81,12 @@ async def import_in_process(
     it unpacked below `workspace` is gone on every path.
     """
     bounds = limits or ImportLimits()
-    folder = Path(tempfile.mkdtemp(prefix="import-", dir=workspace))
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="import-", dir=workspace))
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        raise StorageFullError(f"{filename} cannot be unpacked: {error.strerror}") from error
     request = _Request(
         store_url=store_url,
         path=path.absolute(),
@@ -130,6 +135,8 @@ def _error(answer: _Answer, filename: str, bounds: ImportLimits) -> Exception:
         return _store_error(answer)
     if answer.error == "memory":
         return DatasetError(f"reading {filename} needs more than {bounds.memory_bytes} bytes of memory; {_SMALLER}")
+    if answer.error == "full":
+        return StorageFullError(answer.message)
     return DatasetError(answer.message)
 
 
@@ -165,6 +172,12 @@ def _serve(data: bytes) -> _Answer:
         return _Answer(error="value", field=error.field, value=str(error.value), allowed=error.allowed)
     except DatasetError as error:
         return _Answer(error="dataset", message=str(error))
+    except StorageFullError as error:
+        return _Answer(error="full", message=str(error))
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        return _Answer(error="full", message=str(error.strerror))
     except StoreError as error:
         return _Answer(error="store", name=type(error).__name__, message=str(error))
     except MemoryError:

@@ -198,6 +198,11 @@ class JobQueue:
                 self._opened = None
 
     @property
+    def is_open(self) -> bool:
+        """Whether the database has been opened: the first call takes seconds, and waits for no answer of later ones."""
+        return self._opened is not None
+
+    @property
     def _database(self) -> JobsDatabase:
         with self._lock:
             if self._opened is None:

@@ -20,6 +20,7 @@ class WorkerSupervisor:
 
     def __init__(self, settings: Settings, *, pauses_s: tuple[float, float] = _PAUSES_S) -> None:
         self._settings = settings.model_dump_json(exclude={"admin_token"}).encode()
+        self._end_s = min(_END_S, max(1.0, settings.shutdown_grace_s - 1.0))
         self._pauses_s = pauses_s
         self._ending = anyio.Event()
         self.pid: int | None = None  # None while none runs
@@ -29,7 +30,7 @@ class WorkerSupervisor:
         await child.keep(self._live, self._ending, self._pauses_s, "the training worker")
 
     def end(self) -> None:
-        """Let the worker hand back its job and end; `run` returns when it has, after 25 s at most."""
+        """Let the worker hand back its job and end; `run` returns when it has, within 25 s and the service's grace."""
         self._ending.set()
 
     async def _live(self) -> int:
@@ -49,6 +50,6 @@ class WorkerSupervisor:
         await self._ending.wait()
         assert process.stdin is not None
         await process.stdin.aclose()
-        await anyio.sleep(_END_S)
+        await anyio.sleep(self._end_s)
         _log.warning("the training worker did not end and is killed", pid=process.pid)
         process.kill()

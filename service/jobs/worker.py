@@ -19,7 +19,7 @@ from dbos import DBOS, DBOSConfig, DBOSPortableJSONSerializer
 
 from model_store import ModelStore, StoreError
 from service.cpu import limit_compute_threads, limit_torch_threads
-from service.errors import JobsUnavailableError
+from service.errors import JobsDatabaseGoneError, JobsUnavailableError
 from service.jobs.database import JobsDatabase, answering, make_engine, wait_for_server
 from service.jobs.job import APPLICATION, APPLICATION_VERSION, QUEUE
 from service.jobs.lease import make_lease
@@ -34,7 +34,7 @@ _LOOKS = 2
 _LOOKS_AT_OWN = 4
 _TIDY_EVERY_ROUNDS = 150
 _PRUNE_EVERY_ROUNDS = 1800
-_HAND_BACK_S = 20.0
+_HAND_BACK_S, _GIVE_UP_S = 20.0, 3.0
 _POOL = 8
 _PATIENCE_S = 30.0
 _CLIENT_PATIENCE_S = 5.0
@@ -127,8 +127,13 @@ class Worker:
         _log.info("training worker ready", worker=self.name)
         try:
             self._rounds(once)
-        finally:
+        except JobsDatabaseGoneError:
+            _log.exception("the worker ends: its jobs are gone with the database")
+            raise
+        except BaseException:
             self._hand_back()
+            raise
+        self._hand_back()
 
     def _rounds(self, once: bool) -> None:
         rounds = 0
@@ -141,6 +146,9 @@ class Worker:
                     self._prune()
                 if once and not self._anything_left():
                     return
+                self.database.file.require()
+            except JobsDatabaseGoneError:
+                raise
             except (JobsUnavailableError, StoreError) as error:
                 _log.warning("the worker waits", reason=str(error))
             rounds += 1
@@ -185,6 +193,10 @@ class Worker:
                 self.store.remove_work(job)
 
     def _hand_back(self) -> None:
+        """Give back what runs. A database that hangs is not waited for: others then find this worker dead."""
+        end = threading.Timer(_HAND_BACK_S + _GIVE_UP_S, os._exit, (1,))
+        end.daemon = True
+        end.start()
         self._ending.set()
         deadline = time.monotonic() + _HAND_BACK_S
         while self._running and time.monotonic() < deadline:

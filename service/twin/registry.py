@@ -3,19 +3,23 @@
 The store says what exists, the registry what is loaded. A thread follows every alias that somebody asked for: when one
 moves, the new version is loaded first and takes its place in one step, while requests that hold the old twin finish on
 it. When the new one cannot be loaded, the old one stays and the reason is kept for `status`.
+
+Of a remote store one listing tells whether anything has changed since the last look; only then aliases are read.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from functools import lru_cache
 
-from model_store import ModelStore, Resolved, StoreError, parse_reference
+from model_store import ModelStore, Resolved, StoreError, StoreUnavailableError, parse_reference
 from service.errors import RoverTwinError
 from service.tracing import span
 from service.twin.load import load_twin
@@ -24,6 +28,9 @@ from service.twin.twin import Twin
 
 _log = logging.getLogger(__name__)
 _LOOK_AT_OTHERS_S = 60.0
+REFRESH_S, REMOTE_REFRESH_S = 0.5, 4.0
+_STALE_S = 4.0  # later than a look was due, aliases count as stale
+_CLOSE_S = 0.5
 _MAX_FOLLOWED = 64  # aliases in use; the least recently asked for is no longer followed
 
 
@@ -37,11 +44,18 @@ class Loaded:
 
 @dataclass(frozen=True, slots=True)
 class RegistryStatus:
-    """What is resident ("name@version") and which references cannot be loaded or refreshed, with the reason."""
+    """What is resident ("name@version") and which references cannot be loaded or refreshed, with the reason.
+
+    `confirmed_s` is how long ago the store last said where all followed aliases point; `stale_since` is that moment
+    when the next look is overdue. `failed_looks` counts looks that the store did not answer.
+    """
 
     default_reference: str
     resident: tuple[str, ...]
     failures: tuple[tuple[str, str], ...]
+    confirmed_s: float
+    stale_since: datetime | None
+    failed_looks: int
 
 
 class TwinRegistry:
@@ -58,7 +72,7 @@ class TwinRegistry:
         default_reference: str,
         *,
         capacity: int = 4,
-        refresh_s: float = 0.5,
+        refresh_s: float = REFRESH_S,
         loaded: Callable[[Twin], None] = lambda _twin: None,
         released: Callable[[], None] = lambda: None,
     ) -> None:
@@ -75,19 +89,41 @@ class TwinRegistry:
         self._failures: dict[str, str] = {}
         self._asked: set[tuple[str, int]] = set()  # by number, since it was last looked whether they are retired
         self._looked_at = 0.0
+        self._confirmed = time.monotonic()  # when the last look began that the store answered
+        self._fingerprint: str | None = None  # of a remote store, as that look found it
+        self._moved = -1.0  # when somebody last said `moved`
+        self._failed_looks = 0
         self._stop = threading.Event()
+        self._look_now = threading.Event()
         self._thread = threading.Thread(target=self._follow, name="alias-follower", daemon=True)
 
     def start(self) -> None:
         """Load the default model, if it can be, and begin to follow aliases. A default that fails is tried again."""
-        self._refresh(self._default)
-        self._thread.start()
+        self._look()
+        if not self._stop.is_set():
+            self._thread.start()
 
     def close(self) -> None:
-        """Stop following. Twins already handed out stay usable."""
+        """Stop following. Twins already handed out stay usable. A look that hangs is not waited for."""
         self._stop.set()
+        self._look_now.set()
         if self._thread.is_alive():
-            self._thread.join()
+            self._thread.join(_CLOSE_S)
+
+    def moved(self) -> None:
+        """Somebody has just changed the store through this process: look at once, and trust no earlier look."""
+        with self._lock:
+            self._fingerprint = None
+            self._moved = time.monotonic()
+        self._look_now.set()
+
+    def fingerprint(self) -> str | None:
+        """What the last look found in a remote store: as long as it stays, nothing there has changed.
+
+        None for a store on this machine, after `moved`, and when the last look is older than it should be.
+        """
+        with self._lock:
+            return None if self._overdue() else self._fingerprint
 
     def get(self, reference: str | None = None) -> Loaded:
         """The twin for `name`, `name@3` or `name@alias`; the default model without a reference.
@@ -136,23 +172,53 @@ class TwinRegistry:
         """What is resident and what fails."""
         with self._lock:
             resident = tuple(sorted(f"{name}@{version}" for name, version in self._twins))
-            return RegistryStatus(self._default, resident, tuple(sorted(self._failures.items())))
+            age_s = time.monotonic() - self._confirmed
+            since = datetime.now(UTC) - timedelta(seconds=age_s) if self._overdue() else None
+            failures = tuple(sorted(self._failures.items()))
+            return RegistryStatus(self._default, resident, failures, age_s, since, self._failed_looks)
+
+    def _overdue(self) -> bool:
+        return time.monotonic() - self._confirmed > 2 * self._refresh_s + _STALE_S
 
     def _follow(self) -> None:
-        while not self._stop.wait(self._refresh_s):
-            with self._lock:
-                keys = {*self._followed, self._default}
-            for key in keys:
-                self._refresh(key)
-            try:
-                self._drop_retired()
-            except Exception as error:  # as in `_refresh`; it is tried again
-                _log.warning("cannot see which versions are retired: %s", error)
+        while not self._stop.is_set():
+            self._look_now.wait(self._refresh_s)
+            self._look_now.clear()
+            if not self._stop.is_set():
+                self._look()
 
-    def _refresh(self, key: str) -> None:
-        """Bring one reference up to date; a failure is kept and logged once, not raised: the old twin serves on."""
+    def _look(self) -> None:
+        """Bring all followed references up to date; nothing is read of a remote store that has not changed."""
+        began = time.monotonic()
+        with self._lock:
+            keys = {*self._followed, self._default}
+            known, failing = self._fingerprint, set(self._failures)
+        try:
+            found = self._store.fingerprint() if self._store.remote else None
+        except StoreError as error:
+            for key in keys:
+                self._note_failure(key, str(error))
+            answered = False
+        else:
+            unchanged = found is not None and found == known
+            looked = [self._refresh(key) for key in (keys & failing if unchanged else keys)]
+            answered = all(looked) and (unchanged or self._retire(everything=found is not None))
+        with self._lock:
+            self._failed_looks += not answered
+            if answered:
+                self._confirmed = began
+                self._fingerprint = found if began > self._moved else None
+
+    def _refresh(self, key: str) -> bool:
+        """Bring one reference up to date; a failure is kept and logged once, not raised: the old twin serves on.
+
+        Whether the store answered.
+        """
         try:
             self._bring_up_to_date(key, followed=key != self._default)
+        except StoreUnavailableError as error:
+            self._note_failure(key, str(error))
+            return False
         except (StoreError, RoverTwinError) as error:
             self._note_failure(key, str(error))
         except Exception as error:  # the follower must outlive whatever a broken store does
@@ -161,6 +227,18 @@ class TwinRegistry:
         else:
             with self._lock:
                 self._failures.pop(key, None)
+        return True
+
+    def _retire(self, *, everything: bool) -> bool:
+        """Drop what is retired; whether the store answered. It is tried again at the next look."""
+        if everything:
+            self._looked_at = -math.inf
+        try:
+            self._drop_retired()
+        except Exception as error:  # as in `_refresh`
+            _log.warning("cannot see which versions are retired: %s", error)
+            return False
+        return True
 
     def _drop_retired(self) -> None:
         """Drop what was archived or deleted meanwhile, unless an alias that is followed means it, or it is the default.

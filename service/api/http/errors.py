@@ -24,6 +24,7 @@ from model_store import (
     ModelNotFoundError,
     NotFoundError,
     StoreError,
+    StoreFullError,
     StoreUnavailableError,
     UnsupportedFormatError,
     VersionArchivedError,
@@ -66,6 +67,7 @@ from service.errors import (
     MissingPartError,
     QueueFullError,
     RoverTwinError,
+    StorageFullError,
 )
 from service.twin import OutsideDomainError
 from service.wire.datasets import report_document
@@ -121,6 +123,8 @@ _SLUGS: tuple[tuple[type[Exception], Slug], ...] = (
     (CheckpointError, Slug.ARTEFACT_CORRUPT),
     (MissingPartError, Slug.NOT_INSTALLED),
     (UnsupportedFormatError, Slug.UNSUPPORTED_FORMAT),
+    (StoreFullError, Slug.STORAGE_FULL),
+    (StorageFullError, Slug.STORAGE_FULL),
     (StoreUnavailableError, Slug.STORE_UNAVAILABLE),
 )
 _HTTP_SLUGS = {
@@ -134,11 +138,12 @@ _HTTP_SLUGS = {
 _RETRY_LATER = frozenset(
     {Slug.OVERLOADED, Slug.NOT_READY, Slug.STORE_UNAVAILABLE, Slug.JOBS_UNAVAILABLE, Slug.AUDIT_UNAVAILABLE}
 )
-_HANG_UP = frozenset({Slug.BODY_TOO_LARGE, Slug.UPLOAD_STALLED})
+_HANG_UP = frozenset({Slug.BODY_TOO_LARGE, Slug.UPLOAD_STALLED, Slug.STORAGE_FULL})
 # where the store is and what its backend said is the operator's business: log it, do not tell
 _STORE_DOWN = "the model store does not answer"
 _JOBS_DOWN = "the database of the training jobs does not answer"
 _AUDIT_DOWN = "the audit log does not answer, so nothing was done"
+_FULL = "there is no room left for what was sent; nothing of it was kept"
 _FAILED = "the service failed on this request; its log says why"
 
 
@@ -203,6 +208,9 @@ def told(error: Exception, path: str) -> Told:
     if slug is Slug.INTERNAL:
         _log.error("a request failed", path=path[:200], exc_info=error)
         return _tell(slug, _FAILED)
+    if slug is Slug.STORAGE_FULL:
+        _log.error("the storage is full", reason=str(error))
+        return _tell(slug, _FULL)
     if slug is Slug.STORE_UNAVAILABLE:
         _log.error("the store is unavailable", reason=str(error))
         return _tell(slug, _STORE_DOWN)

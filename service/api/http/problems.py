@@ -57,6 +57,7 @@ class Slug(StrEnum):
     ARTEFACT_CORRUPT = "artefact-corrupt"
     UNSUPPORTED_FORMAT = "unsupported-format"
     STORE_UNAVAILABLE = "store-unavailable"
+    STORAGE_FULL = "storage-full"
     NOT_READY = "not-ready"
     OVERLOADED = "overloaded"
     NOT_INSTALLED = "not-installed"
@@ -249,6 +250,13 @@ _ROWS = (
     ),
     ProblemKind(
         Slug.STORE_UNAVAILABLE, 503, "Store unavailable", "The model store does not answer; try again a little later."
+    ),
+    ProblemKind(
+        Slug.STORAGE_FULL,
+        507,
+        "Storage full",
+        "There is no room for what was sent, and nothing of it was kept. The operator has to make room; then send it "
+        "again.",
     ),
     ProblemKind(
         Slug.NOT_READY, 503, "Not ready", "The default model cannot predict now; `detail` says why. Try again later."

@@ -21,6 +21,7 @@ from python_multipart.multipart import MultipartParser, parse_options_header
 from service.api.http.exceptions import MalformedUploadError, UploadStalledError
 from service.api.http.worker_threads import OverloadedError
 from service.datasets.file_names import printable
+from service.errors import NO_ROOM, StorageFullError
 from service.wire.faults import InvalidInputError, fault
 
 FILE_PART = "file"
@@ -104,11 +105,11 @@ async def receive_upload(request: Request, folder: Path, filename: str | None) -
     """Write the upload to `folder`. `filename` is the name of a raw body; a form's part says its own.
 
     Raises MalformedUploadError (no multipart, or it ends early), UploadStalledError (nothing came for `IDLE_S`),
-    InvalidInputError (no file, two files, a field that is no text or too long) and BodyTooLargeError.
+    InvalidInputError (no file, two files, a field that is no text or too long), BodyTooLargeError and StorageFullError.
     """
     kind, options = parse_options_header(request.headers.get("content-type", ""))
     path = folder / "body"
-    with path.open("wb") as sink:
+    with _room_for(path), path.open("wb") as sink:
         if kind != b"multipart/form-data":
             await _write_raw(request, sink)
             return Upload(path, base_name(filename or _UNNAMED), ())
@@ -119,6 +120,16 @@ async def receive_upload(request: Request, folder: Path, filename: str | None) -
                 await _flush(form.pending, sink)
         await _flush(form.pending, sink)
     return Upload(path, form.finished(), tuple(form.fields))
+
+
+@contextmanager
+def _room_for(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in NO_ROOM:
+            raise
+        raise StorageFullError(f"the upload cannot be written to {path.parent.parent}: {error.strerror}") from error
 
 
 def base_name(filename: str) -> str:

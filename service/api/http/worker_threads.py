@@ -5,7 +5,10 @@ Predictions and store reads have threads of their own: a store that hangs must n
 
 from __future__ import annotations
 
+import asyncio
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TypeVar
 
 import anyio
@@ -33,11 +36,16 @@ class ClientGoneError(RoverTwinError):
         super().__init__("the client hung up")
 
 
+class _GaveUpError(TimeoutError):
+    """Not the call's own: it is still running, or waits for its thread."""
+
+
 class WorkerThreads:
     """At most `threads` calls run at once, at most `max_waiting` wait. Make it inside a running event loop.
 
     `admit` is called before each call that has waited for its thread; what it raises is raised instead. `pace` says
     when a call too many is refused; without it, at once.
+    `patience` says how long a call is waited for that names no time of its own, and what is raised then.
     """
 
     def __init__(
@@ -47,9 +55,11 @@ class WorkerThreads:
         max_waiting: int,
         admit: Callable[[], None] = lambda: None,
         pace: Pace | None = None,
+        patience: Callable[[], tuple[float, Exception]] | None = None,
     ) -> None:
         self._what = what
         self._pace = pace
+        self._patience = patience
         self._admit = admit
         self._limiter = anyio.CapacityLimiter(threads)
         self._max_waiting = max_waiting
@@ -60,8 +70,8 @@ class WorkerThreads:
         """The call's result, computed on a worker thread; what it raises is raised here.
 
         With the request of the `asker`, nothing is computed for one that went away while it waited. Raises
-        OverloadedError when too many wait, TimeoutError after `give_up_s` (the call then runs on, unseen), and
-        ClientGoneError.
+        OverloadedError when too many wait, TimeoutError after `give_up_s`, and ClientGoneError. A call that was given
+        up runs on, unseen, and keeps its thread: calls that hang never take more than all of these.
         """
         if self._is_full():
             if self._pace is not None:
@@ -79,10 +89,38 @@ class WorkerThreads:
                 if await asker.is_disconnected():
                     raise ClientGoneError
                 return await anyio.to_thread.run_sync(admitted, limiter=anyio.CapacityLimiter(1))
-        if give_up_s is None:
+        if give_up_s is not None:
+            return await self._run(admitted, give_up_s)
+        if self._patience is None:
             return await anyio.to_thread.run_sync(admitted, limiter=self._limiter)
-        with anyio.fail_after(give_up_s):
-            return await anyio.to_thread.run_sync(admitted, limiter=self._limiter, abandon_on_cancel=True)
+        patience_s, gave_up = self._patience()
+        try:
+            return await self._run(admitted, patience_s)
+        except _GaveUpError:
+            raise gave_up from None
+
+    async def _run(self, call: Callable[[], Result], give_up_s: float) -> Result:
+        place, loop = object(), asyncio.get_running_loop()
+        begun = threading.Lock()  # taken by the thread when it begins, or by who gives up before it has
+
+        def held() -> Result:
+            if not begun.acquire(blocking=False):
+                raise _GaveUpError
+            try:
+                return call()
+            finally:
+                with suppress(RuntimeError):  # the loop has ended
+                    loop.call_soon_threadsafe(self._limiter.release_on_behalf_of, place)
+
+        with anyio.move_on_after(give_up_s):
+            await self._limiter.acquire_on_behalf_of(place)
+            try:
+                own = anyio.CapacityLimiter(1)
+                return await anyio.to_thread.run_sync(held, limiter=own, abandon_on_cancel=True)
+            finally:
+                if begun.acquire(blocking=False):
+                    self._limiter.release_on_behalf_of(place)
+        raise _GaveUpError
 
     def _is_full(self) -> bool:
         return self._limiter.available_tokens < 1 and self._limiter.statistics().tasks_waiting >= self._max_waiting

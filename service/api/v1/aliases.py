@@ -38,6 +38,7 @@ _WRITE_PROBLEMS = (
     Slug.MALFORMED_BODY,
     Slug.UNSUPPORTED_MEDIA_TYPE,
     Slug.BODY_TOO_LARGE,
+    Slug.STORAGE_FULL,
     Slug.PRECONDITION_FAILED,
 )
 
@@ -149,14 +150,17 @@ async def put_alias(
 ) -> AliasAnswer:
     """Point the alias to a published version. To move an existing alias, send `If-Match`; a new one needs none.
 
-    Moving it to its present version is a move too. Predictions follow within two seconds, in every replica. A running
-    prediction finishes on the version that it began with.
+    Moving it to its present version is a move too. Predictions follow within two seconds, over a remote store those of
+    other replicas within five. A running prediction finishes on the version that it began with.
     """
     require_name(name)
     if not layout.is_alias(alias):
         raise InvalidInputError(fault("alias", alias, "a-z, 0-9 and '-', starting with a letter, at most 63"))
     condition = _Condition(name, alias, if_match, if_none_match)
-    moved = await services.storage.run(lambda: _move(services.store, condition, asked, actor))
+    try:
+        moved = await services.storage.run(lambda: _move(services.store, condition, asked, actor))
+    finally:
+        services.registry.moved()
     response.headers["ETag"] = etag_of(moved.seq)
     response.status_code = 201 if moved.seq == 1 else 200
     return _answer(moved)
@@ -185,7 +189,10 @@ async def roll_back(
     require_name(name, alias)
     condition = _Condition(name, alias, if_match, None)
     reason = (asked or AliasRollback()).reason
-    back = await services.storage.run(lambda: _roll_back(services.store, condition, actor, reason))
+    try:
+        back = await services.storage.run(lambda: _roll_back(services.store, condition, actor, reason))
+    finally:
+        services.registry.moved()
     response.headers["ETag"] = etag_of(back.seq)
     return _answer(back)
 

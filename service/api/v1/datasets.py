@@ -113,6 +113,7 @@ Reference = Annotated[
         Slug.MALFORMED_BODY,
         Slug.UPLOAD_STALLED,
         Slug.BODY_TOO_LARGE,
+        Slug.STORAGE_FULL,
         Slug.CONFLICT,
     )
     | {
@@ -176,7 +177,7 @@ def _upload_answer(result: UploadResult, *, dry_run: bool) -> UploadAnswer:
 @router.get("", summary="All datasets")
 async def list_datasets(asked: Annotated[DatasetsQuery, Query()], services: TheServices) -> DatasetsAnswer:
     """One page of the datasets, in the order of their ids; `next` is the address of the page after it."""
-    return await services.storage.run(lambda: _page(services.store, asked))
+    return await services.read_much(lambda: _page(services.store, asked))
 
 
 @router.get("/{dataset}", summary="One dataset", responses=_NO_DATASET)
@@ -242,7 +243,7 @@ async def download_dataset(reference: Reference, services: TheServices) -> Strea
 )
 async def delete_dataset(reference: Reference, services: TheServices) -> Response:
     """Takes the whole id. Refused while a published version or an unfinished training job uses the dataset."""
-    await services.storage.run(lambda: _delete(services, reference))
+    await services.read_much(lambda: _delete(services, reference))
     return Response(status_code=204)
 
 

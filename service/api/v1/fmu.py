@@ -75,4 +75,4 @@ async def _twin(services: Services, name: str, version: int) -> Twin:
     """From memory or from the store; it takes nobody's place in memory."""
     if loaded := services.registry.resident(f"{name}@{version}"):
         return loaded.twin
-    return await services.storage.run(lambda: load_twin(services.store, name, version))
+    return await services.read_much(lambda: load_twin(services.store, name, version))

@@ -76,8 +76,18 @@ Version = Annotated[
 
 @router.get("", summary="All models")
 async def list_models(services: TheServices) -> ModelsAnswer:
-    """Every model with its versions and aliases."""
-    return await services.storage.run(lambda: _all_models(services.store))
+    """Every model with its versions and aliases.
+
+    Of a remote store this is what the last look at it found, at most 12 s ago unless the operator chose another
+    interval; what was changed through this process shows at once.
+    """
+    state = services.registry.fingerprint()
+    if state is None:
+        return await services.storage.run(lambda: _all_models(services.store))
+    kept: ModelsAnswer = await services.models.get(
+        state, lambda: services.storage.run(lambda: _all_models(services.store))
+    )
+    return kept
 
 
 @router.get("/{name}", summary="One model", responses=_NO_MODEL)

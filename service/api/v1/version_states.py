@@ -183,6 +183,8 @@ class _Change:
             if expected is None:
                 raise
             raise PreconditionFailedError(str(error)) from error
+        finally:
+            self._services.registry.moved()
 
     def _require_no_default(self) -> None:
         """The model that answers by default may be named by its number, in the settings."""

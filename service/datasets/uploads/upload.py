@@ -37,7 +37,7 @@ from service.datasets.run_table import RunEntry, parse_run_table, scenario_fault
 from service.datasets.uploads.archive import unpack_archive
 from service.datasets.uploads.unpacking import Meter, unpack_stream
 from service.datasets.uploads.upload_form import UploadForm, UploadLimits
-from service.errors import DatasetError, InvalidValueError
+from service.errors import NO_ROOM, DatasetError, InvalidValueError, StorageFullError
 
 _DATA_ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".parquet", ".gz")
 
@@ -59,7 +59,7 @@ def read_upload(
     for what is unpacked, to be removed by the caller. `filename` is only shown.
 
     Raises RejectedDatasetError with the report when nothing is usable (or, if the form is strict, anything is not),
-    InvalidValueError for a column map of the form that is not allowed, DatasetError when the disk is full.
+    InvalidValueError for a column map of the form that is not allowed, StorageFullError when the disk is.
     """
     file = upload_name(filename)
     reader = _UploadReader(form, limits or UploadLimits(), workspace, progress)
@@ -68,6 +68,8 @@ def read_upload(
     except UnusableFileError as error:
         raise refused(error.findings) from error
     except OSError as error:
+        if error.errno in NO_ROOM:
+            raise StorageFullError(f"{file} cannot be unpacked: {error.strerror}") from error
         raise DatasetError(f"{file} cannot be unpacked on this machine: {error.strerror or error}") from error
 
 
