@@ -48,7 +48,7 @@ COLUMNS: tuple[Column, ...] = (
     Column("rear_lateral_m", "m", "sideways position of the rear wheel", -99.0, 99.0, 6),
     # what acted on the rover, where it changes within the run; the ranges are those of scenarios (see `run_table`)
     Column("slope_deg", "deg", "slope that acts at this time, positive uphill", -45.0, 45.0, 7,
-           ("slope_angle_deg",)),
+           ("slope_angle_deg", "slope_degrees")),
     Column("torque_nm", "N m", "stall torque of each wheel's motor at this time; 0: motors off, wheels free",
            0.0, 10_000.0, 4, ("torque_n_m", "stall_torque_nm", "stall_torque_n_m")),
     Column("brake", "1", "1: motors off and wheels locked; 0: not", 0.0, 1.0, 0, ("brakes", "brake_on")),
@@ -61,7 +61,11 @@ BY_NAME: dict[str, Column] = {column.name: column for column in COLUMNS}
 REQUIRED: tuple[str, ...] = ("time_s", "rear_x_m", "rear_y_m")
 MAX_COLUMNS = 256
 
+LABELS: tuple[str, ...] = ("run", "set", "mass_kg", "horizon_s", "file", "step_s")
+"""What a table of runs, or of their rows, may say beside the columns of a run."""
+
 _CANONICAL: dict[str, str] = {alias: c.name for c in COLUMNS for alias in (c.name, *c.aliases)}
+_MEANINGS: dict[str, str] = _CANONICAL | {label: label for label in LABELS}
 
 
 def canonical_name(header: str) -> str | None:
@@ -70,5 +74,14 @@ def canonical_name(header: str) -> str | None:
     Bare `x`, `y`, `z` are None on purpose: which of them is vertical differs from demo to demo; a
     `ColumnMap` says it.
     """
-    text = header.strip().strip("\"'").lower().replace("rad/s", "radps").replace("m/s", "mps")
-    return _CANONICAL.get(re.sub(r"[^a-z0-9]+", "_", text).strip("_"))
+    return _CANONICAL.get(_plain(header))
+
+
+def meaning_of(header: str) -> str | None:
+    """The canonical column or the label that a header cell names without doubt ("Mass [kg]", "run"), or None."""
+    return _MEANINGS.get(_plain(header))
+
+
+def _plain(header: str) -> str:
+    text = header.strip().strip("\"'").lower().replace("rad/s", "radps").replace("m/s", "mps").replace("\u00b0", "deg")
+    return re.sub(r"[^a-z0-9]+", "_", text).strip("_")

@@ -7,6 +7,7 @@ import unicodedata
 from pathlib import PurePosixPath
 
 _LONGEST_SHOWN = 160
+_OF_DESKTOPS = ("__MACOSX", ".DS_Store", "Thumbs.db", "desktop.ini")
 # what other systems read as something else: separators, drives, streams
 _FOREIGN = re.compile(r"\\|^[A-Za-z]:|^~")
 
@@ -45,6 +46,12 @@ def name_fault(name: str, *, path_length: int, depth: int) -> str | None:
     if len(path.parts) > depth:
         return f"is {len(path.parts)} folders deep, allowed are {depth}"
     return None
+
+
+def is_of_desktop(name: str) -> bool:
+    """Whether desktops add such a file by themselves."""
+    parts = PurePosixPath(name).parts
+    return any(part in _OF_DESKTOPS for part in parts) or (bool(parts) and parts[-1].startswith("._"))
 
 
 def folded(name: str) -> str:

@@ -36,6 +36,8 @@ class Code(StrEnum):
     DECOMPRESSION_BOMB = "decompression-bomb"
     PASSPORT = "passport"
     DEFAULT_PASSPORT = "default-passport"
+    IGNORED_FIELD = "ignored-field"
+    RENAMED = "renamed"
     # the file as text
     MISSING_FILE = "missing-file"
     UNSAFE_PATH = "unsafe-path"
@@ -49,7 +51,12 @@ class Code(StrEnum):
     NOT_A_NUMBER = "not-a-number"
     HEADER_MISMATCH = "header-mismatch"
     MISSING_COLUMN = "missing-column"
+    DUPLICATE_COLUMN = "duplicate-column"
     IGNORED_COLUMN = "ignored-column"
+    EMPTY_COLUMN = "empty-column"
+    ENCODING = "encoding"
+    COMMENT = "comment"
+    PRESET = "preset"
     # the run table
     RUN_TABLE = "run-table"
     SCENARIO_VARIES = "scenario-varies"

@@ -1,17 +1,18 @@
-"""From tables with their scenarios to a dataset: names resolved, runs checked, what is bad rejected with reasons."""
+"""From samples with their scenarios to a dataset: runs checked, what is bad rejected with reasons."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 
-from service.datasets.checks.candidate import Array, Candidate
+from service.datasets.checks.candidate import Candidate
 from service.datasets.checks.validate import check_duplicates, check_run, check_slopes
 from service.datasets.findings import Code, Finding, UnusableFileError, reject
 from service.datasets.passport import Passport
-from service.datasets.readers.chrono_text import TextTable
 from service.datasets.readers.column_map import ColumnMap, resolve
+from service.datasets.readers.table import Samples, Table, samples_of
 from service.datasets.report import RejectedDatasetError, ValidationReport, make_report
-from service.datasets.run import MAX_TOTAL_ROWS, Dataset, Run
+from service.datasets.run import MAX_ROWS_PER_RUN, MAX_TOTAL_ROWS, Dataset, Run
 from service.datasets.run_table import RunEntry
 from service.datasets.summary import summarise
 
@@ -20,27 +21,24 @@ Progress = Callable[[int, int, str], None]
 
 
 class Intake:
-    """Takes the tables of one dataset, one by one; `conclude` gives the dataset and the report."""
+    """Takes the runs of one dataset, one by one; `conclude` gives the dataset and the report."""
 
-    def __init__(self, passport: Passport, column_map: ColumnMap | None, *, max_rows: int = MAX_TOTAL_ROWS) -> None:
-        self._passport, self._column_map = passport, column_map
+    def __init__(self, passport: Passport, *, max_rows: int = MAX_TOTAL_ROWS) -> None:
+        self._passport = passport
         self._max_rows = self._rows_left = max_rows
         self._runs: list[tuple[str, Run]] = []
         self.findings: list[Finding] = []
 
-    def take(
-        self, entry: RunEntry, name: str, read: Callable[[], TextTable], inputs: Mapping[str, Array] | None = None
-    ) -> None:
-        """One run: what `read` gives, as the run `name` of `entry`. Faults become findings.
-
-        `inputs` are further columns, by canonical name, as many values as the table has rows.
-        """
+    def take(self, entry: RunEntry, name: str, read: Callable[[], Samples]) -> None:
+        """One run: what `read` gives, as the run `name` of `entry`. Faults become findings."""
         try:
-            candidate, noticed = self._candidate(entry, read(), inputs or {})
+            samples = read()
+            self._count(entry, len(samples.lines))
         except UnusableFileError as error:
             self.findings += error.findings
             return
-        noticed = [*noticed, *check_run(candidate)]
+        candidate = Candidate(entry, samples.columns, samples.lines, self._passport)
+        noticed = [*samples.findings, *check_run(candidate)]
         self.findings += noticed
         if not any(finding.rejects for finding in noticed):
             self._runs.append((entry.file, _run(candidate, name)))
@@ -62,22 +60,33 @@ class Intake:
             raise RejectedDatasetError(report, f"{len(report.rejections)} reasons to reject")
         return dataset, report
 
-    def _candidate(
-        self, entry: RunEntry, table: TextTable, inputs: Mapping[str, Array]
-    ) -> tuple[Candidate, Sequence[Finding]]:
-        self._rows_left -= len(table.lines)
+    def _count(self, entry: RunEntry, rows: int) -> None:
+        self._rows_left -= rows
         if self._rows_left < 0:
             message = f"the dataset has more than {self._max_rows} rows, allowed is at most {self._max_rows}"
             raise UnusableFileError([reject(entry.file, Code.TOO_LARGE, message)])
-        names, declared = table.names, self._passport.columns
-        if names is None and declared is not None and len(declared) == len(table.columns):
-            names = declared
-        found = resolve(names, len(table.columns), self._column_map, file=entry.file)
-        columns = {name: table.columns[index] for name, index in found.indices.items()}
-        if found.zero_start:
-            columns = _from_zero(columns)
-        columns |= inputs
-        return Candidate(entry, columns, table.lines, self._passport), found.findings
+
+
+def run_in(table: Table, passport: Passport, column_map: ColumnMap | None) -> Samples:
+    """The samples of a table that holds one run; the passport names the columns of one without a header.
+
+    Raises UnusableFileError.
+    """
+    if len(table.lines) > MAX_ROWS_PER_RUN:
+        message = f"{len(table.lines)} rows in one run, allowed are at most {MAX_ROWS_PER_RUN}"
+        raise UnusableFileError([reject(table.file, Code.TOO_LARGE, message)])
+    found = resolve(names_of(table, passport), table.width, column_map, file=table.file)
+    columns = dict(zip(found.indices, table.numbers(list(found.indices.values())), strict=True))
+    samples = samples_of(columns, table.lines, file=table.file, zero_start=found.zero_start)
+    return replace(samples, findings=(*table.noticed, *found.findings, *samples.findings))
+
+
+def names_of(table: Table, passport: Passport) -> tuple[str, ...] | None:
+    """The names of a table's columns: its own, else those of the passport, if there are as many."""
+    declared = passport.columns
+    if table.names is None and declared is not None and len(declared) == table.width:
+        return declared
+    return table.names
 
 
 def _run(candidate: Candidate, name: str) -> Run:
@@ -91,10 +100,3 @@ def _at_start(candidate: Candidate, name: str) -> float:
     """What the run's entry says, else its first row: they agree (see `checks.values`)."""
     declared: float | None = getattr(candidate.entry, name)
     return float(candidate.columns[name][0]) if declared is None else declared
-
-
-def _from_zero(columns: dict[str, Array]) -> dict[str, Array]:
-    """Time and x counted from the first row. (A first row that is nan is left to validation.)"""
-    shift = {"time_s": columns["time_s"][0], "rear_x_m": columns["rear_x_m"][0]}
-    shift["front_x_m"] = shift["rear_x_m"]
-    return {name: column - shift[name] if name in shift else column for name, column in columns.items()}

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import re
+import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 
-from service.datasets.findings import Code, Finding, reject
+from service.datasets.columns import meaning_of
+from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.readers.numbers import NO_VALUE, number
+from service.datasets.readers.text_header import header_above
+from service.datasets.readers.text_lines import split_text
 from service.datasets.run import MAX_RUNS
 from service.errors import DatasetError
 
@@ -24,6 +28,7 @@ SCENARIO_LIMITS: dict[str, tuple[float, float, str, float]] = {
     "horizon_s": (1e-3, 600.0, "milliseconds", 1000.0),
 }
 _REQUIRED = ("file", "mass_kg")
+_KNOWN = ("file", "set", *SCENARIO_LIMITS, "step_s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,47 +46,60 @@ class RunEntry:
 
 
 def parse_run_table(data: bytes) -> tuple[list[RunEntry], list[Finding]]:
-    """Entries that are usable, and findings about lines that are not.
+    """Entries that are usable, and findings about lines that are not, or that were skipped.
 
-    Raises DatasetError when the table as a whole cannot be used (no header, missing columns, no lines).
+    Raises DatasetError when the table as a whole cannot be used (no header, missing columns, a column twice, no lines).
     """
     if len(data) > MAX_BYTES:
         raise DatasetError(f"{FILE} has {len(data)} bytes, allowed are at most {MAX_BYTES}")
     try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DatasetError(f"{FILE} is not UTF-8 text: {error}") from error
-    header, lines = _split(text)
+        text = split_text(data, file=FILE, max_rows=2 * MAX_RUNS)
+    except UnusableFileError as error:
+        if error.findings[0].code is not Code.EMPTY_FILE:
+            raise
+        raise DatasetError(f"{FILE} lists 0 runs, allowed are 1..{MAX_RUNS}; it needs a header above them") from error
+    if len(text.lines) > MAX_RUNS:
+        raise DatasetError(f"{FILE} lists {len(text.lines)} runs, allowed are 1..{MAX_RUNS}")
+    names, findings = header_above(text, "file", file=FILE)
+    columns, ignored = _columns(names)
+    findings += ignored
     entries: list[RunEntry] = []
-    findings: list[Finding] = []
-    for line, cells in lines:
-        entry, problems = _entry(dict(zip(header, cells, strict=False)), line)
+    for line, cells in zip(text.lines.tolist(), text.rows(), strict=True):
+        cells = [cell.strip() for cell in cells]
+        if len(cells) < len(names) or any(cells[len(names) :]):
+            message = f"{len(cells)} values, the header names {len(names)} columns"
+            findings.append(reject(FILE, Code.RAGGED_ROW, message, row=line))
+            continue
+        entry, problems = _entry({name: cells[index] for name, index in columns.items()}, line)
         findings += problems
         if entry is not None:
             entries.append(entry)
     return entries, findings
 
 
-def _split(text: str) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
-    delimiter = next((mark for mark in (";", "\t") if mark in first), ",")
-    reader = csv.reader(io.StringIO(text), delimiter=delimiter, strict=True)
-    try:
-        rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
-    except csv.Error as error:
-        raise DatasetError(f"{FILE} line {reader.line_num} cannot be read: {error}") from error
-    rows = [(line, row) for line, row in rows if any(row) and not row[0].startswith("#")]
-    header = [cell.lower() for cell in rows[0][1]] if rows else []
-    missing = [name for name in _REQUIRED if name not in header]
+def _columns(names: Sequence[str]) -> tuple[dict[str, int], list[Finding]]:
+    """Which column is which, and what is not used. Raises DatasetError."""
+    found: dict[str, int] = {}
+    ignored: list[str] = []
+    for index, name in enumerate(names):
+        meaning = meaning_of(name)
+        if meaning not in _KNOWN:
+            ignored += [repr(name)] if name else []
+        elif meaning in found:
+            raise DatasetError(
+                f"{FILE} has several columns for {meaning}: {names[found[meaning]]!r} and {name!r}; keep one of them"
+            )
+        else:
+            found[meaning] = index
+    missing = [name for name in _REQUIRED if name not in found]
     if missing:
         raise DatasetError(
-            f"{FILE} has no column {', '.join(missing)}; its header is {header}, "
+            f"{FILE} has no column {', '.join(missing)}; its header is {list(names)}, "
             "expected file,set,slope_deg,mass_kg,torque_nm,horizon_s (slope_deg and torque_nm not where each row has "
             "them)"
         )
-    if not 1 <= len(rows) - 1 <= MAX_RUNS:
-        raise DatasetError(f"{FILE} lists {len(rows) - 1} runs, allowed are 1..{MAX_RUNS}")
-    return header, rows[1:]
+    message = f"not used: {', '.join(ignored[:12])}{', ...' if len(ignored) > 12 else ''}"
+    return found, [warn(FILE, Code.IGNORED_COLUMN, message)] if ignored else []
 
 
 def _entry(cells: dict[str, str], line: int) -> tuple[RunEntry | None, list[Finding]]:
@@ -90,25 +108,33 @@ def _entry(cells: dict[str, str], line: int) -> tuple[RunEntry | None, list[Find
     for name in (*SCENARIO_LIMITS, "step_s"):
         numbers[name], problem = _cell(cells.get(name, ""), name, line)
         findings += [problem] if problem else []
-    file = cells.get("file", "")
+    file = as_listed(cells.get("file", ""))
     if unsafe_path(file):
         message = f"{file!r} is not a relative path inside the dataset's folder"
         findings.append(reject(FILE, Code.UNSAFE_PATH, message, row=line, column="file"))
     slope, mass, torque = numbers["slope_deg"], numbers["mass_kg"], numbers["torque_nm"]
-    if findings or mass is None:
+    if any(finding.rejects for finding in findings) or mass is None:
         return None, findings
+    if "\\" in cells["file"]:
+        message = f"{cells['file']!r} is read as {file!r}: \\ is what separates folders elsewhere"
+        findings.append(warn(FILE, Code.RENAMED, message, row=line, column="file"))
     set_name = cells.get("set") or "default"
-    return RunEntry(file, set_name, slope, mass, torque, numbers["horizon_s"], numbers["step_s"], line), []
+    return RunEntry(file, set_name, slope, mass, torque, numbers["horizon_s"], numbers["step_s"], line), findings
+
+
+def as_listed(file: str) -> str:
+    """A file's name as runs.csv and archives are compared: composed letters (NFC), folders separated by /."""
+    return unicodedata.normalize("NFC", file.replace("\\", "/"))
 
 
 def _cell(text: str, name: str, line: int) -> tuple[float | None, Finding | None]:
     def no(code: Code, message: str) -> tuple[None, Finding]:
         return None, reject(FILE, code, message, row=line, column=name)
 
-    if not text:
+    if text in NO_VALUE:
         return no(Code.SCENARIO_MISSING, "no value; write the run's own") if name in _REQUIRED else (None, None)
     try:
-        value = float(text)
+        value = number(text)
     except ValueError:
         return no(Code.NOT_A_NUMBER, f"{text[:40]!r} is not a number")
     if not math.isfinite(value):

@@ -394,7 +394,7 @@ TEXTS = [
     HostileFile("header only", lambda: b"time_s,rear_x_m,rear_y_m\n", "empty-file", **_LONE),
     HostileFile("UTF-16", lambda: text().decode().encode("utf-16"), "not-text", **_LONE),
     HostileFile("binary", lambda: text() + bytes(range(256)), "not-text", **_LONE),
-    HostileFile("web page", lambda: b"<!DOCTYPE html>\n<html><body>404</body></html>\n", "not-a-number", **_LONE),
+    HostileFile("web page", lambda: b"<!DOCTYPE html>\n<html><body>404</body></html>\n", "missing-column", **_LONE),
     HostileFile("word among numbers", lambda: text().replace(b"0.05,", b"five,", 1), "not-a-number", **_LONE),
     HostileFile("decimal commas", lambda: text().replace(b",", b";").replace(b".", b","), "not-a-number", **_LONE),
     HostileFile("last row cut off", lambda: text()[:-40], "ragged-row", **_LONE),

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from service.datasets.columns import BY_NAME, MAX_COLUMNS, REQUIRED, canonical_name
+from service.datasets.columns import BY_NAME, MAX_COLUMNS, REQUIRED, meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.errors import InvalidValueError
 
@@ -72,48 +72,77 @@ PRESETS: dict[str, ColumnMap] = {
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """Canonical name -> 0-based index in the file, and what was noticed on the way."""
+    """Canonical name or label -> 0-based index in the file, and what was noticed on the way."""
 
     indices: dict[str, int]
     zero_start: bool
     findings: tuple[Finding, ...]
 
 
-def resolve(names: Sequence[str] | None, count: int, column_map: ColumnMap | None, *, file: str = "file") -> Resolution:
-    """Find the canonical columns among `names` (None: no header) of a file with `count` columns.
+def resolve(
+    names: Sequence[str] | None,
+    count: int,
+    column_map: ColumnMap | None,
+    *,
+    file: str = "file",
+    labels: Collection[str] = (),
+) -> Resolution:
+    """Find the canonical columns, and those of `labels` that are there, among `names` (None: no header, "": no name)
+    of a file with `count` columns.
 
-    An explicit map wins; then the header of a known demo; then names without doubt. Raises
-    UnusableFileError when a required column is not found or a mapped one does not exist.
+    An explicit map wins; then the header of a known demo; then names without doubt. Raises UnusableFileError when a
+    required column is not found, a mapped one does not exist, or two columns mean the same.
     """
-    chosen = column_map or _preset_of(names)
-    indices = _by_name(names) if chosen is None else {}
-    if chosen is not None:
-        indices = _by_name(names) if not chosen.signature and names else {}
-        for name, source in chosen.sources.items():
-            indices[name] = _locate(source, names, count, name, file)
+    preset = None if column_map else _preset_of(names)
+    chosen = column_map or (PRESETS[preset] if preset else None)
+    mapped = {} if chosen is None else {
+        name: _locate(source, names, count, name, file) for name, source in chosen.sources.items()
+    }  # fmt: skip
+    named = {} if chosen is not None and chosen.signature else _by_name(names, labels)
+    clashes = [
+        _clash(name, [names[index] for index in several], file)
+        for name, several in named.items()
+        if names and len(several) > 1 and name not in mapped
+    ]
+    if clashes:
+        raise UnusableFileError(clashes)
+    indices = {name: several[0] for name, several in named.items()} | mapped
     missing = [name for name in REQUIRED if name not in indices]
     if missing:
         raise UnusableFileError([_missing(name, names, count, file) for name in missing])
+    findings: list[Finding] = []
+    if preset is not None:
+        what = ", ".join(f"{name} is {source!r}" for name, source in PRESETS[preset].sources.items())
+        message = f"the header is that of the preset {preset}: {what}; time and x are counted from the first row"
+        findings.append(warn(file, Code.PRESET, message))
     ignored = [i for i in range(count) if i not in set(indices.values())]
-    findings: tuple[Finding, ...] = ()
     if ignored:
-        listed = ", ".join(repr(names[i]) if names else f"#{i}" for i in ignored[:12])
-        findings = (warn(file, Code.IGNORED_COLUMN, f"not used: {listed}{', ...' if len(ignored) > 12 else ''}"),)
-    return Resolution(indices, chosen.zero_start if chosen else False, findings)
+        listed = ", ".join(repr(names[i]) if names and names[i] else f"#{i}" for i in ignored[:12])
+        message = f"not used: {listed}{', ...' if len(ignored) > 12 else ''}"
+        findings.append(warn(file, Code.IGNORED_COLUMN, message))
+    return Resolution(indices, chosen.zero_start if chosen else False, tuple(findings))
 
 
-def _preset_of(names: Sequence[str] | None) -> ColumnMap | None:
+def _preset_of(names: Sequence[str] | None) -> str | None:
     header = tuple(name.lower() for name in names or ())
-    return next((p for p in PRESETS.values() if p.signature and p.signature == header), None)
+    return next((key for key, each in PRESETS.items() if each.signature and each.signature == header), None)
 
 
-def _by_name(names: Sequence[str] | None) -> dict[str, int]:
-    found: dict[str, int] = {}
+def _by_name(names: Sequence[str] | None, labels: Collection[str] = ()) -> dict[str, list[int]]:
+    """Which columns have each meaning: two, where a header says a thing twice."""
+    found: dict[str, list[int]] = {}
     for index, name in enumerate(names or ()):
-        canonical = canonical_name(name)
-        if canonical is not None:
-            found.setdefault(canonical, index)
+        meaning = meaning_of(name)
+        if meaning in BY_NAME or meaning in labels:
+            found.setdefault(str(meaning), []).append(index)
     return found
+
+
+def _clash(name: str, headers: Sequence[str], file: str) -> Finding:
+    listed = " and ".join(repr(header) for header in headers)
+    what = "there are several columns" if len(set(headers)) == 1 else "several columns mean the same:"
+    message = f"{what} {listed}; keep one of them, or rename what is something else"
+    return reject(file, Code.DUPLICATE_COLUMN, message, column=name)
 
 
 def _locate(source: str | int, names: Sequence[str] | None, count: int, name: str, file: str) -> int:
@@ -124,13 +153,14 @@ def _locate(source: str | int, names: Sequence[str] | None, count: int, name: st
             [reject(file, Code.MISSING_COLUMN, f"the column map wants index {source}, rows have {count} columns",
                     column=name)]
         )  # fmt: skip
-    lowered = [each.lower() for each in names or ()]
-    if source.lower() in lowered:
-        return lowered.index(source.lower())
-    by_meaning = _by_name(names).get(name) if source == name else None
-    if by_meaning is not None:
-        return by_meaning
-    raise UnusableFileError([_missing(name, names, count, file, wanted=source)])
+    found = [index for index, each in enumerate(names or ()) if each.lower() == source.strip().lower()]
+    if not found and source == name:
+        found = _by_name(names).get(name, [])
+    if not found:
+        raise UnusableFileError([_missing(name, names, count, file, wanted=source)])
+    if len(found) > 1 and names:
+        raise UnusableFileError([_clash(name, [names[index] for index in found], file)])
+    return found[0]
 
 
 def _missing(name: str, names: Sequence[str] | None, count: int, file: str, wanted: str | None = None) -> Finding:

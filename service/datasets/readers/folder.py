@@ -8,19 +8,28 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 
 from service.datasets.checks.validate import check_entries, check_passport
+from service.datasets.default_passport import VIPER_ON_LUNAR_REGOLITH
+from service.datasets.file_names import is_of_desktop
 from service.datasets.findings import MAX_LOCATED, Code, Finding, UnusableFileError, reject, warn
-from service.datasets.intake import Intake, Progress
+from service.datasets.intake import Intake, Progress, run_in
 from service.datasets.passport import MAX_BYTES as PASSPORT_MAX_BYTES
 from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
-from service.datasets.readers.chrono_text import TextTable, parse_text
 from service.datasets.readers.column_map import ColumnMap
 from service.datasets.readers.source import DEFAULT_MAX_BYTES, read_bounded
+from service.datasets.readers.table import Samples
+from service.datasets.readers.text_lines import COMMENTS
+from service.datasets.readers.text_table import TextTable, parse_text
 from service.datasets.report import ValidationReport
 from service.datasets.run import MAX_TOTAL_ROWS, Dataset
 from service.datasets.run_table import FILE as RUN_TABLE
 from service.datasets.run_table import MAX_BYTES as TABLE_MAX_BYTES
-from service.datasets.run_table import RunEntry, parse_run_table
+from service.datasets.run_table import RunEntry, as_listed, parse_run_table
 from service.errors import DatasetError, InvalidValueError
+
+_NO_RUNS = {
+    *(".md", ".rst", ".pdf", ".html", ".json", ".yaml", ".yml", ".toml", ".ini", ".sh", ".bat", ".ps1", ".py"),
+    *(".ipynb", ".m", ".r", ".c", ".h", ".cpp", ".png", ".jpg", ".jpeg", ".svg", ".gif", ".mp4"),
+}  # fmt: skip
 
 
 def read_folder(
@@ -40,19 +49,30 @@ def read_folder(
     with `strict`, when any is not; InvalidValueError for a set that runs.csv does not have.
     """
     root = Path(folder)
-    passport = parse_passport(_read_small(root / PASSPORT_FILE, PASSPORT_MAX_BYTES))
-    table = parse_run_table(_read_small(root / RUN_TABLE, TABLE_MAX_BYTES))
+    passport, noticed = passport_of(_read_small(root / PASSPORT_FILE, PASSPORT_MAX_BYTES, needed=False))
     return read_listed(
         root,
         passport,
-        table,
+        parse_run_table(_read_small(root / RUN_TABLE, TABLE_MAX_BYTES) or b""),
         sets=sets,
         strict=strict,
         column_map=ColumnMap.of(column_map if column_map is not None else passport.column_map),
         name=name or root.resolve().name,
         max_file_bytes=max_file_bytes,
         progress=progress,
+        noticed=noticed,
     )
+
+
+def passport_of(stored: bytes | None) -> tuple[Passport, list[Finding]]:
+    """The passport that comes with runs, or the one that is assumed, with a word about it. Raises DatasetError."""
+    if stored is not None:
+        return parse_passport(stored), []
+    message = (
+        "no passport given: VIPER on lunar regolith is assumed (gravity 1.62 m/s2, wheel radius 0.25 m); "
+        f"put a {PASSPORT_FILE} beside the runs if anything else was simulated"
+    )
+    return VIPER_ON_LUNAR_REGOLITH, [warn(PASSPORT_FILE, Code.DEFAULT_PASSPORT, message)]
 
 
 def read_listed(
@@ -73,18 +93,20 @@ def read_listed(
     """`read_folder` once passport and run table are parsed. `max_total_bytes` bounds all files together, unpacked;
     `noticed` is what is to stand in the report before all else.
     """
-    every, findings = table
-    entries = _chosen(every, sets)
-    intake = Intake(passport, column_map, max_rows=max_rows)
-    listed_findings = [*findings, *check_passport(passport), *check_entries(entries), *_unlisted(root, every)]
-    intake.findings += [*noticed, *listed_findings]
     reader = _FileReader(root, max_file_bytes, max_total_bytes)
+    every, commented = _without_comments(table[0], reader)
+    findings = [*table[1], *commented]
+    entries = _chosen(every, sets)
+    intake = Intake(passport, max_rows=max_rows)
+    unlisted = unlisted_in(root, [entry.file for entry in table[0]])
+    listed_findings = [*findings, *check_passport(passport), *check_entries(entries), *unlisted]
+    intake.findings += [*noticed, *listed_findings]
     names = _names(every)
     chosen = _unbarred(entries, listed_findings)
     for done, entry in enumerate(chosen):
         if progress is not None:
             progress(done, len(chosen), entry.file)
-        intake.take(entry, names[entry.file], partial(reader.read, entry.file))
+        intake.take(entry, names[entry.file], partial(reader.run, entry.file, passport, column_map))
     return intake.conclude(name, [entry.file for entry in entries], strict=strict)
 
 
@@ -93,11 +115,21 @@ class _FileReader:
 
     def __init__(self, root: Path, max_file_bytes: int, max_total_bytes: int | None) -> None:
         self._root, self._max_file_bytes, self._bytes_left = root, max_file_bytes, max_total_bytes
+        # a name may be written in two forms of Unicode; archives are unpacked in this one
+        self._composed = {as_listed(name): name for name in _files_in(root)}
 
-    def read(self, file: str) -> TextTable:
+    def has(self, file: str) -> bool:
+        """Whether there is such a file."""
+        return file in self._composed or (self._root / file).is_file()
+
+    def run(self, file: str, passport: Passport, column_map: ColumnMap | None) -> Samples:
+        """The one run of a file. Raises UnusableFileError."""
+        return run_in(self._read(file), passport, column_map)
+
+    def _read(self, file: str) -> TextTable:
         left = self._bytes_left
         most = self._max_file_bytes if left is None else max(0, min(self._max_file_bytes, left))
-        path = _inside(self._root, file)
+        path = _inside(self._root, file if (self._root / file).exists() else self._composed.get(file, file))
         if left is not None:
             # all of it is spent until the file turns out smaller: a bomb uses what it may, and is refused then
             self._bytes_left = left - most
@@ -108,7 +140,9 @@ class _FileReader:
         return parse_text(data, file=file)
 
 
-def _read_small(path: Path, max_bytes: int) -> bytes:
+def _read_small(path: Path, max_bytes: int, *, needed: bool = True) -> bytes | None:
+    if not needed and not path.exists():
+        return None
     try:
         with path.open("rb") as stream:
             return stream.read(max_bytes + 1)
@@ -161,17 +195,47 @@ def _inside(root: Path, file: str) -> Path:
     return path
 
 
-def _unlisted(root: Path, entries: list[RunEntry]) -> Iterator[Finding]:
-    """Data files that runs.csv does not mention: forgotten runs, most likely."""
-    listed = {PurePosixPath(entry.file).as_posix() for entry in entries}
-    found = 0
+def _without_comments(entries: list[RunEntry], reader: _FileReader) -> tuple[list[RunEntry], list[Finding]]:
+    """A line of runs.csv that begins as comments do is a run only where there is such a file."""
+    kept, findings = list[RunEntry](), list[Finding]()
+    for entry in entries:
+        if not entry.file.startswith(COMMENTS) or reader.has(entry.file):
+            kept.append(entry)
+        else:
+            message = f"taken for a comment: there is no file {entry.file!r}"
+            findings.append(warn(RUN_TABLE, Code.COMMENT, message, row=entry.line))
+    return kept, findings
+
+
+def unlisted_in(root: Path, listed: Collection[str], below: str = "") -> list[Finding]:
+    """Files in `root` that nobody reads: forgotten runs, most likely. `listed` are names within its folder `below`."""
+    known = {PurePosixPath(below, name).as_posix() for name in (*listed, RUN_TABLE, PASSPORT_FILE)}
+    every = sorted(name for name in map(as_listed, _files_in(root)) if name not in known)
+    others = [name for name in every if not _for_people(name) and not is_of_desktop(name)]
+    message = f"not listed in {RUN_TABLE}, so not read"
+    found = [warn(name, Code.UNLISTED_FILE, message) for name in others[:MAX_LOCATED]]
+    if len(others) > MAX_LOCATED:
+        message = f"{len(others) - MAX_LOCATED} more files are not listed in it, so not read"
+        found.append(warn(RUN_TABLE, Code.UNLISTED_FILE, message))
+    return [*found, *of_desktop([name for name in every if is_of_desktop(name)], RUN_TABLE)]
+
+
+def of_desktop(names: Sequence[str], file: str) -> list[Finding]:
+    """A word about files that nobody put there."""
+    listed = ", ".join(names[:3])
+    message = f"{len(names)} files that desktops add by themselves are not read: {listed}"
+    return [warn(file, Code.UNLISTED_FILE, message)] if names else []
+
+
+def _for_people(name: str) -> bool:
+    """Texts, figures and programs: no runs, whatever is in them."""
+    path = PurePosixPath(name.lower())
+    if path.name == PASSPORT_FILE:
+        return False
+    return path.suffix in _NO_RUNS or path.stem in ("readme", "license", "changelog", "notes")
+
+
+def _files_in(root: Path) -> Iterator[str]:
     for directory, _, files in os.walk(root):
-        for file in sorted(files):
-            name = (Path(directory) / file).relative_to(root).as_posix()
-            if name in listed or not name.removesuffix(".gz").endswith((".csv", ".txt", ".dat")):
-                continue
-            if name != RUN_TABLE:
-                found += 1
-                if found > MAX_LOCATED:
-                    return
-                yield warn(name, Code.UNLISTED_FILE, f"not listed in {RUN_TABLE}, so not read")
+        for file in files:
+            yield (Path(directory) / file).relative_to(root).as_posix()

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import parquet as pq
 
-from service.datasets.checks.candidate import Array
 from service.datasets.columns import MAX_COLUMNS
 from service.datasets.findings import Code, Finding, UnusableFileError, reject
 from service.datasets.parquet import is_ours
-from service.datasets.readers.chrono_text import TextTable
-from service.datasets.readers.column_map import ColumnMap, resolve
-from service.datasets.readers.long_table import TEXT_LABELS, LongTable, Texts, label_of
+from service.datasets.readers.table import Array, Numbers, Texts
 from service.datasets.uploads.upload_form import UploadLimits
 
 _MAX_FOOTER = 16 << 20
@@ -52,32 +52,92 @@ def broken(file: str, error: Exception) -> UnusableFileError:
     return UnusableFileError([reject(file, Code.BROKEN_PARQUET, message)])
 
 
-def read_foreign_parquet(path: Path, column_map: ColumnMap | None, *, file: str) -> tuple[LongTable, list[Finding]]:
-    """Labels and the columns of runs that are used; rows are counted from 1. Also what was noticed.
+class ParquetTable:
+    """A `Table` of Parquet, by the names of its columns; rows are counted from 1.
 
-    Raises UnusableFileError for columns that are missing, hold no numbers or have empty cells.
+    Rows without any value are left out, as blank lines of a text are. Raises UnusableFileError for a broken file.
     """
+
+    def __init__(self, path: Path, file: str) -> None:
+        self._path, self.file = path, file
+        self.noticed: tuple[Finding, ...] = ()
+        with _opened(path, file) as opened:
+            self._schema = opened.schema_arrow
+            rows = opened.metadata.num_rows
+        self.names = tuple(self._schema.names)
+        self.width = len(self.names)
+        self._kept = self._rows_with_values(rows)
+        self.lines = np.flatnonzero(self._kept).astype(np.int64) + 1
+        if not len(self.lines):
+            raise UnusableFileError([reject(file, Code.EMPTY_FILE, "no rows in it")])
+
+    def numbers(self, indices: Sequence[int]) -> list[Numbers]:
+        """These columns. Raises UnusableFileError for columns of something else."""
+        faults = [fault for index in indices for fault in self._type_faults(index, is_text=False)]
+        if faults:
+            raise UnusableFileError(faults)
+        return [self._floats(index) for index in indices]
+
+    def texts(self, index: int) -> Texts:
+        """One column of texts, or of numbers as such. Raises UnusableFileError for a column of something else."""
+        faults = list(self._type_faults(index, is_text=True))
+        if faults:
+            raise UnusableFileError(faults)
+        column = self._column(index)
+        if pa.types.is_dictionary(column.type):
+            column = column.dictionary_decode()
+        encoded = pc.fill_null(pc.cast(column, pa.string()), "").dictionary_encode()
+        return Texts(encoded.indices.to_numpy().astype(np.int64), tuple(encoded.dictionary.to_pylist()))
+
+    def _rows_with_values(self, rows: int) -> npt.NDArray[np.bool_]:
+        """Which rows have a value in any column, (row,)."""
+        empty = np.ones(rows, dtype=np.bool_)
+        with _opened(self._path, self.file) as opened:
+            for name in dict.fromkeys(self.names):
+                if not empty.any():
+                    break
+                for column in _read(opened, name, self.file).columns:
+                    empty &= column.is_null().to_numpy()
+        return ~empty
+
+    def _type_faults(self, index: int, *, is_text: bool) -> Iterator[Finding]:
+        kind = self._schema.field(index).type
+        if pa.types.is_dictionary(kind):
+            kind = kind.value_type
+        number = (pa.types.is_integer, pa.types.is_floating, pa.types.is_decimal, pa.types.is_boolean, pa.types.is_null)
+        text = (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view)
+        if not any(test(kind) for test in (*number, *(text if is_text else ()))):
+            expected = "texts or numbers" if is_text else "numbers"
+            yield reject(self.file, Code.NOT_A_NUMBER, f"holds {kind}, expected {expected}", column=self.names[index])
+
+    def _column(self, index: int) -> pa.Array:
+        """The only column of this name: two are refused before any is read."""
+        with _opened(self._path, self.file) as opened:
+            column = _read(opened, self.names[index], self.file).column(0)
+        return column.combine_chunks().filter(pa.array(self._kept))
+
+    def _floats(self, index: int) -> Numbers:
+        column = self._column(index)
+        if pa.types.is_dictionary(column.type):
+            column = column.dictionary_decode()
+        values: Array = pc.cast(column, pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+        return Numbers(values, column.is_null().to_numpy(zero_copy_only=False) if column.null_count else None)
+
+
+@contextmanager
+def _opened(path: Path, file: str) -> Iterator[pq.ParquetFile]:
     try:
         with pq.ParquetFile(path) as opened:
-            schema = opened.schema_arrow
-            labels = {name: label_of(name) for name in schema.names}
-            measured = [name for name, label in labels.items() if label is None]
-            found = resolve(measured, len(measured), column_map, file=file)
-            names = [measured[index] for index in sorted(set(found.indices.values()))]
-            wanted = [*names, *(name for name, label in labels.items() if label is not None)]
-            _check_types(schema, wanted, labels, file)
-            read = opened.read(columns=wanted, use_threads=False)
-        lines = np.arange(1, read.num_rows + 1, dtype=np.int64)
-        if not read.num_rows:
-            raise UnusableFileError([reject(file, Code.EMPTY_FILE, "no rows in it")])
-        numbers = {str(label): _floats(read.column(name), name, file)
-                   for name, label in labels.items() if label is not None and label not in TEXT_LABELS}  # fmt: skip
-        texts = {
-            str(label): _texts(read.column(name), name, file) for name, label in labels.items() if label in TEXT_LABELS
-        }
-        columns = tuple(_floats(read.column(name), name, file) for name in names)
-        return LongTable(TextTable(tuple(names), columns, lines), numbers, texts), list(found.findings)
+            yield opened
     except (pa.ArrowException, OSError, ValueError) as error:
+        raise broken(file, error) from error
+
+
+def _read(opened: pq.ParquetFile, name: str, file: str) -> pa.Table:
+    """All columns of this name. Raises UnusableFileError."""
+    try:
+        return opened.read(columns=[name], use_threads=False)
+    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise broken(file, error) from error
 
 
@@ -94,41 +154,3 @@ def _bound(opened: pq.ParquetFile, file: str, limits: UploadLimits) -> None:
         if not 0 <= value <= most:
             message = f"has {value} {what}, allowed are at most {most}"
             raise UnusableFileError([reject(file, Code.TOO_LARGE, message)])
-
-
-def _check_types(schema: pa.Schema, wanted: list[str], labels: dict[str, str | None], file: str) -> None:
-    faults = []
-    for name in wanted:
-        kind = schema.field(name).type
-        if pa.types.is_dictionary(kind):
-            kind = kind.value_type
-        is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
-        is_text = pa.types.is_string(kind) or pa.types.is_large_string(kind)
-        if not (is_number or (is_text and labels[name] in TEXT_LABELS)):
-            expected = "texts or numbers" if labels[name] in TEXT_LABELS else "numbers"
-            faults.append(reject(file, Code.NOT_A_NUMBER, f"holds {kind}, expected {expected}", column=name))
-    if faults:
-        raise UnusableFileError(faults)
-
-
-def _whole(column: pa.ChunkedArray, name: str, file: str) -> pa.Array:
-    """One array without gaps."""
-    if column.null_count:
-        at = int(np.flatnonzero(column.is_null().to_numpy())[0]) + 1
-        message = f"no value in this row ({column.null_count} such rows)"
-        raise UnusableFileError([reject(file, Code.EMPTY_CELL, message, row=at, column=name)])
-    return column.combine_chunks()
-
-
-def _floats(column: pa.ChunkedArray, name: str, file: str) -> Array:
-    array = _whole(column, name, file)
-    if pa.types.is_dictionary(array.type):
-        array = array.dictionary_decode()
-    floats: Array = pc.cast(array, pa.float64(), safe=False).to_numpy(zero_copy_only=False)
-    return floats
-
-
-def _texts(column: pa.ChunkedArray, name: str, file: str) -> Texts:
-    array = _whole(column, name, file)
-    encoded = array if pa.types.is_dictionary(array.type) else array.dictionary_encode()
-    return Texts(encoded.indices.to_numpy().astype(np.int64), tuple(map(str, encoded.dictionary.to_pylist())))

@@ -8,7 +8,6 @@ of its rows. Without a column `run`, `runs_in_table` tells the runs apart.
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,14 +16,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from service.datasets.checks.candidate import Array
 from service.datasets.checks.validate import check_entries
-from service.datasets.columns import canonical_name
+from service.datasets.columns import meaning_of
 from service.datasets.file_names import shown
-from service.datasets.findings import Code, Finding, UnusableFileError, reject
+from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.intake import Intake
-from service.datasets.readers.chrono_text import TextTable
+from service.datasets.readers.column_map import ColumnMap, resolve
 from service.datasets.readers.runs_in_table import Rows, groups_of, runs_in_table
+from service.datasets.readers.table import Lines, Numbers, Samples, Table, Texts, gaps_in, samples_of
 from service.datasets.run import MAX_RUNS
 from service.datasets.run_table import SCENARIO_LIMITS, RunEntry, scenario_fault
 
@@ -35,74 +34,88 @@ MAY_CHANGE = ("slope_deg", "torque_nm")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Texts:
-    """A column of texts: `codes` (row,) are indices into `values`."""
-
-    codes: npt.NDArray[np.int64]
-    values: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class LongTable:
-    """`table` holds the columns that are no labels; `numbers` (row,) and `texts` are labels by name."""
+    """`columns` are those of the runs, by canonical name; `numbers` and `texts` are labels by name. All are (row,)."""
 
-    table: TextTable
-    numbers: Mapping[str, Array]
+    file: str
+    columns: Mapping[str, Numbers]
+    numbers: Mapping[str, Numbers]
     texts: Mapping[str, Texts]
-
-
-def label_of(header: str) -> str | None:
-    """The label that a header cell names ("Slope (deg)", "run"), or None for a column of the runs."""
-    text = re.sub(r"[^a-z0-9]+", "_", header.strip().strip("\"'").lower()).strip("_").replace("n_m", "nm")
-    name = canonical_name(text) if canonical_name(text) in MAY_CHANGE else text
-    return name if name in (*TEXT_LABELS, *NUMBER_LABELS) else None
+    lines: Lines
+    zero_start: bool
+    noticed: tuple[Finding, ...]
 
 
 def is_long(names: Sequence[str] | None) -> bool:
-    """Whether a table with this header says by itself which scenario its rows belong to."""
-    return any(label_of(name) in REQUIRED_LABELS for name in names or ())
+    """Whether a table with this header says by itself which run or scenario its rows belong to."""
+    return any(meaning_of(name) in (*REQUIRED_LABELS, "run") for name in names or ())
 
 
-def take_runs(
-    intake: Intake,
-    long: LongTable,
-    time_s: Array,
-    *,
-    file: str,
-    given: Mapping[str, float],
-    set_name: str,
-    zero_start: bool = False,
-) -> list[str]:
-    """Hand every run of the table to `intake`; `time_s` (row,) is its time column, `given` and `set_name` stand for
-    labels that it does not have. With `zero_start` runs may begin at any time.
+def read_long(table: Table, column_map: ColumnMap | None) -> LongTable:
+    """Labels and the columns that runs have. A label without any value is as if absent, with a warning.
 
-    Returns what each run is called in findings, `file#run`. Raises UnusableFileError when a scenario is not told at
-    all or there are too many runs.
+    Raises UnusableFileError for columns that are missing, twice there or hold something else, and for cells without a
+    value in time or in `run`.
     """
+    file = table.file
+    found = resolve(table.names, table.width, column_map, file=file, labels=(*TEXT_LABELS, *NUMBER_LABELS))
+    named = {name: index for name, index in found.indices.items() if name not in TEXT_LABELS}
+    columns = dict(zip(named, table.numbers(list(named.values())), strict=True))
+    numbers = {name: columns.pop(name) for name in NUMBER_LABELS if name in columns}
+    texts = {name: table.texts(found.indices[name]) for name in TEXT_LABELS if name in found.indices}
+    empty = [name for name, label in (numbers | texts).items() if label.is_absent]
+    message = "has no values, so it is as if absent"
+    findings = [warn(file, Code.EMPTY_COLUMN, message, column=name) for name in empty]
+    texts = {name: label for name, label in texts.items() if name not in empty}
+    gaps = list(gaps_in(columns["time_s"].blank, table.lines, file=file, column="time_s"))
+    if "run" in texts:
+        unnamed = np.array([not value.strip() for value in texts["run"].values])
+        gaps += gaps_in(unnamed[texts["run"].codes], table.lines, file=file, column="run")
+    if gaps:
+        raise UnusableFileError(gaps)
+    numbers = {name: label for name, label in numbers.items() if name not in empty}
+    noticed = (*table.noticed, *found.findings, *findings)
+    return LongTable(file, columns, numbers, texts, table.lines, found.zero_start, noticed)
+
+
+def take_runs(intake: Intake, long: LongTable, *, given: Mapping[str, float], set_name: str) -> list[str]:
+    """Hand every run of the table to `intake`; `given` and `set_name` stand for labels that it does not have.
+
+    With a column map that starts at zero runs may begin at any time. Returns what each run is called in findings,
+    `file#run`. Raises UnusableFileError when a scenario is not told at all or there are too many runs.
+    """
+    file = long.file
     missing = [name for name in REQUIRED_LABELS if name not in long.numbers and name not in given]
     if missing:
         message = "no such column, and no such field in the form; give one of them"
         raise UnusableFileError([reject(file, Code.SCENARIO_MISSING, message, column=name) for name in missing])
-    groups = _by_run(long.texts["run"]) if "run" in long.texts else _by_scenario(long, time_s, zero_start)
+    groups = _by_run(long.texts["run"]) if "run" in long.texts else _by_scenario(long)
     if len(groups) > MAX_RUNS:
         message = f"{len(groups)} runs, allowed are 1..{MAX_RUNS}: does the scenario change within a run?"
         raise UnusableFileError([reject(file, Code.TOO_MANY_FILES, message)])
     entries: list[tuple[RunEntry, str, Rows]] = []
     offered: dict[str, None] = {}
     for name, rows in groups:
-        entry, faults = _entry(long, name, rows, file, given, set_name, offered)
-        offered[entry.file] = None
+        label, entry, faults = _entry(long, name, rows, given, set_name, offered)
+        offered[label] = None
         intake.findings += faults
-        if not faults:
-            entries.append((entry, entry.file.removeprefix(f"{file}#"), rows))
+        if entry is not None:
+            entries.append((entry, label.removeprefix(f"{file}#"), rows))
     between = [replace(finding, file=file) for finding in check_entries([entry for entry, _, _ in entries])]
     intake.findings += between
     if not any(finding.rejects for finding in between):
         for entry, name, rows in entries:
-            # what does not change is told by the entry
-            inputs = {label: long.numbers[label][rows] for label in MAY_CHANGE if getattr(entry, label) is None}
-            intake.take(entry, name, partial(_rows_of, long.table, rows), inputs)
+            intake.take(entry, name, partial(_samples, long, entry, rows))
     return list(offered)
+
+
+def _samples(long: LongTable, entry: RunEntry, rows: Rows) -> Samples:
+    """The rows of one run; slope and torque are columns of it where they change, else its entry tells them."""
+    together = len(rows) == rows[-1] - rows[0] + 1
+    chosen: slice | Rows = slice(int(rows[0]), int(rows[-1]) + 1) if together else rows
+    columns = {name: column[chosen] for name, column in long.columns.items()}
+    columns |= {label: long.numbers[label][chosen] for label in MAY_CHANGE if getattr(entry, label) is None}
+    return samples_of(columns, long.lines[chosen], file=entry.file, zero_start=long.zero_start)
 
 
 def _by_run(run: Texts) -> list[tuple[str, Rows]]:
@@ -110,64 +123,64 @@ def _by_run(run: Texts) -> list[tuple[str, Rows]]:
     return [(run.values[run.codes[rows[0]]], rows) for rows in groups]
 
 
-def _by_scenario(long: LongTable, time_s: Array, zero_start: bool) -> list[tuple[str, Rows]]:
-    changing = [column for label, column in long.numbers.items() if label in MAY_CHANGE]
-    labels = (column for label, column in long.numbers.items() if label not in MAY_CHANGE)
+def _by_scenario(long: LongTable) -> list[tuple[str, Rows]]:
+    # nan differs from itself; cells without a value do not
+    every = {label: np.nan_to_num(column.values, nan=1e300) for label, column in long.numbers.items()}
+    changing = [column for label, column in every.items() if label in MAY_CHANGE]
+    labels = (column for label, column in every.items() if label not in MAY_CHANGE)
     fixed: list[npt.NDArray[Any]] = [*labels, *(texts.codes for texts in long.texts.values())]
-    return [("", rows) for rows in runs_in_table(time_s, fixed, changing, may_change=not zero_start)]
+    time_s = long.columns["time_s"].values
+    return [("", rows) for rows in runs_in_table(time_s, fixed, changing, may_change=not long.zero_start)]
 
 
 def _entry(
-    long: LongTable,
-    name: str,
-    rows: Rows,
-    file: str,
-    given: Mapping[str, float],
-    set_name: str,
-    taken: Collection[str],
-) -> tuple[RunEntry, list[Finding]]:
-    """The scenario of one run, and what is wrong with it."""
+    long: LongTable, name: str, rows: Rows, given: Mapping[str, float], set_name: str, taken: Collection[str]
+) -> tuple[str, RunEntry | None, list[Finding]]:
+    """What one run is called, its scenario (None where something is wrong with it), and what is wrong."""
     first = int(rows[0])
-    scenario = {**given, **{label: float(column[first]) for label, column in long.numbers.items()}}
+    labels = {label: column[rows] for label, column in long.numbers.items()}
+    labels = {label: column for label, column in labels.items() if not column.is_absent}
+    scenario = {**given, **{label: float(column.values[0]) for label, column in labels.items()}}
     texts = long.texts.get("set")
     set_name = (texts.values[texts.codes[first]] if texts else "") or set_name
-    slope, mass, torque = (scenario[label] for label in REQUIRED_LABELS)
-    told = {label: None if _changes(long, label, rows) else scenario[label] for label in MAY_CHANGE}
-    wanted = shown(name.strip()) or f"s{slope:g}_m{mass:g}_t{torque:g}"
+    known = all(label in scenario for label in REQUIRED_LABELS)
+    told = "s{slope_deg:g}_m{mass_kg:g}_t{torque_nm:g}".format(**scenario) if known else "unnamed"
+    wanted = shown(name.strip()) or told
     alternatives = (wanted if count == 1 else f"{wanted}_{count}" for count in itertools.count(1))
-    label = next(f"{file}#{each}" for each in alternatives if f"{file}#{each}" not in taken)
-    line = int(long.table.lines[first])
-    faults = list(_faults(long, rows, label))
+    label = next(f"{long.file}#{each}" for each in alternatives if f"{long.file}#{each}" not in taken)
+    faults = list(_faults(long, labels, rows, label))
+    missing = [each for each in REQUIRED_LABELS if each not in scenario]
+    message = "has no value in this run, and there is no such field in the form; give one of them"
+    faults += [reject(label, Code.SCENARIO_MISSING, message, row=int(long.lines[first]), column=each)
+               for each in missing]  # fmt: skip
+    if faults:
+        return label, None, faults
+    slope, torque = (None if _changes(labels, each) else scenario[each] for each in MAY_CHANGE)
+    line = int(long.lines[first])
     horizon = scenario.get("horizon_s")
-    entry = RunEntry(label, shown(set_name.strip()), told["slope_deg"], mass, told["torque_nm"], horizon, None, line)
-    return entry, faults
+    return label, RunEntry(label, shown(set_name.strip()), slope, scenario["mass_kg"], torque, horizon, None, line), []
 
 
-def _changes(long: LongTable, label: str, rows: Rows) -> bool:
-    values = long.numbers[label][rows] if label in long.numbers else np.zeros(1)
+def _changes(labels: Mapping[str, Numbers], label: str) -> bool:
+    values = labels[label].values if label in labels else np.zeros(1)
     return bool((values != values[0]).any())
 
 
-def _faults(long: LongTable, rows: Rows, label: str) -> Iterator[Finding]:
+def _faults(long: LongTable, labels: Mapping[str, Numbers], rows: Rows, label: str) -> Iterator[Finding]:
     """Labels that are no scenario, or not the same in all rows of the run, but for slope and torque."""
-    line = int(long.table.lines[rows[0]])
-    columns: dict[str, npt.NDArray[Any]] = dict(long.numbers)
+    lines = long.lines[rows]
+    columns: dict[str, npt.NDArray[Any]] = {name: column.values for name, column in labels.items()}
     if "set" in long.texts:
-        columns["set"] = long.texts["set"].codes
-    for name, column in columns.items():
-        values = column[rows]
-        if name in MAY_CHANGE and _changes(long, name, rows):
+        columns["set"] = long.texts["set"].codes[rows]
+    for name, values in columns.items():
+        gaps = list(gaps_in(labels[name].blank, lines, file=label, column=name)) if name in labels else []
+        yield from gaps
+        if gaps or (name in MAY_CHANGE and _changes(labels, name)):
             continue
         fault = scenario_fault(name, float(values[0])) if name in SCENARIO_LIMITS else None
         if fault is not None:
-            yield reject(label, *fault, row=line, column=name)
+            yield reject(label, *fault, row=int(lines[0]), column=name)
         elif (values != values[0]).any():
-            at = int(rows[np.flatnonzero(values != values[0])[0]])
+            at = int(np.flatnonzero(values != values[0])[0])
             message = f"is another than in the run's first row; within a run only {' and '.join(MAY_CHANGE)} may change"
-            yield reject(label, Code.SCENARIO_VARIES, message, row=int(long.table.lines[at]), column=name)
-
-
-def _rows_of(table: TextTable, rows: Rows) -> TextTable:
-    together = len(rows) == rows[-1] - rows[0] + 1
-    chosen: slice | Rows = slice(int(rows[0]), int(rows[-1]) + 1) if together else rows
-    return TextTable(table.names, tuple(column[chosen] for column in table.columns), table.lines[chosen])
+            yield reject(label, Code.SCENARIO_VARIES, message, row=int(lines[at]), column=name)

@@ -5,12 +5,27 @@ from __future__ import annotations
 import gzip
 import io
 import zlib
+from pathlib import Path
 from typing import BinaryIO
 
 from service.datasets.findings import Code, UnusableFileError, reject
 
 DEFAULT_MAX_BYTES = 256 * 1024 * 1024
 _GZIP_MAGIC = b"\x1f\x8b"
+
+
+def read_start(path: Path, size: int) -> bytes:
+    """The first `size` bytes of a file's content, plain or gzipped. Raises UnusableFileError for broken gzip."""
+    with path.open("rb") as stream:
+        if stream.read(2) != _GZIP_MAGIC:
+            stream.seek(0)
+            return stream.read(size)
+        stream.seek(0)
+        try:
+            with gzip.GzipFile(fileobj=stream) as unpacked:
+                return unpacked.read(size)
+        except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+            raise UnusableFileError([reject(path.name, Code.BROKEN_GZIP, f"broken gzip data ({error})")]) from error
 
 
 def read_bounded(stream: BinaryIO, *, file: str = "file", max_bytes: int = DEFAULT_MAX_BYTES) -> bytes:

@@ -9,19 +9,23 @@ from __future__ import annotations
 import stat
 import struct
 import tarfile
+import unicodedata
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO, BinaryIO
 
-from service.datasets.file_names import folded, name_fault, shown
-from service.datasets.findings import MAX_LOCATED, Code, Finding, UnusableFileError, reject
+from service.datasets.file_names import folded, is_of_desktop, name_fault, shown
+from service.datasets.findings import MAX_LOCATED, Code, Finding, UnusableFileError, reject, warn
+from service.datasets.readers.folder import of_desktop
 from service.datasets.readers.sniff import HEAD_BYTES, Kind, is_archive
 from service.datasets.uploads.unpacking import BROKEN, Meter, reraise_system_error
 from service.datasets.uploads.upload_form import UploadLimits
 
-_IGNORED = ("__MACOSX", ".DS_Store", "Thumbs.db", "desktop.ini")
+_UTF8 = 0x800  # bit 11 of a member's flags
+_WINDOWS = {0, 6, 10, 11, 14}  # MS-DOS, OS/2, NTFS (APPNOTE and Info-ZIP differ), VFAT
 _METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2}
 _BROKEN = (*BROKEN, zipfile.BadZipFile, tarfile.TarError, NotImplementedError, RuntimeError, struct.error, LookupError)
 _LONGEST_READ = 32 << 10
@@ -30,24 +34,28 @@ _LONGEST_READ = 32 << 10
 
 @dataclass(frozen=True, slots=True)
 class _Member:
-    """A member as its archive declares it: `fault` is why it must not be unpacked, `open` gives its bytes."""
+    """A member: `name` is how it is read, `written` what its archive says, `fault` why it must not be unpacked."""
 
     name: str
+    written: str
     size: int
     is_folder: bool
     fault: tuple[Code, str] | None
     open: Callable[[], IO[bytes]]
 
 
-def unpack_archive(source: Path, kind: Kind, target: Path, *, file: str, limits: UploadLimits, meter: Meter) -> None:
-    """Write the plain files of the archive below `target`, an empty folder that exists.
+def unpack_archive(
+    source: Path, kind: Kind, target: Path, *, file: str, limits: UploadLimits, meter: Meter
+) -> list[Finding]:
+    """Write the plain files of the archive below `target`, an empty folder that exists, with names in composed letters
+    (NFC) and / between folders. Returns what was left out or renamed.
 
     Raises UnusableFileError with the reasons, up to `MAX_LOCATED` of them; `target` may then hold some files.
     """
     try:
         with source.open("rb") as stream:
             members = _zip_members(stream, file, limits) if kind is Kind.ZIP else _tar_members(stream)
-            _Unpacker(target, file, limits, meter).unpack(members)
+            return _Unpacker(target, file, limits, meter).unpack(members)
     except _BROKEN as error:
         reraise_system_error(error)
         message = f"broken {kind} archive ({shown(str(error)) or type(error).__name__}); pack and upload it again"
@@ -62,8 +70,11 @@ class _Unpacker:
         self._files: set[str] = set()
         self._folders: set[str] = set()
 
-    def unpack(self, members: Iterator[_Member]) -> None:
+    def unpack(self, members: Iterator[_Member]) -> list[Finding]:
+        """Write them all. Returns what was left out or renamed."""
         faults: list[Finding] = []
+        left_out: list[str] = []
+        renamed: list[_Member] = []
         for count, member in enumerate(members, start=1):
             if count > self._limits.members:
                 faults.append(_too_many(self._file, self._limits))
@@ -71,12 +82,16 @@ class _Unpacker:
             fault = self._fault(member)
             if fault is not None:
                 faults.append(reject(self._file, fault[0], f"member {shown(member.name)!r} {fault[1]}"))
-            elif not faults and not member.is_folder and not _ignored(member.name):
+            elif is_of_desktop(member.name):
+                left_out.append(shown(member.name))
+            elif not faults and not member.is_folder:
+                renamed += [member] if member.name != member.written else []
                 self._write(member)
             if len(faults) >= MAX_LOCATED:
                 break
         if faults:
             raise UnusableFileError(faults)
+        return [*of_desktop(left_out, self._file), *_renamed(renamed, self._file)]
 
     def _fault(self, member: _Member) -> tuple[Code, str] | None:
         unsafe = name_fault(member.name, path_length=self._limits.path_length, depth=self._limits.depth)
@@ -111,14 +126,17 @@ class _Unpacker:
             raise EOFError(f"member {name} has {path.stat().st_size} bytes, its header says {member.size}")
 
 
+def _renamed(members: list[_Member], file: str) -> list[Finding]:
+    listed = ", ".join(f"{each.written!a} as {each.name!a}" for each in members[:3])
+    message = (
+        f"{len(members)} names are written in another way (\\ between folders, another form or coding of letters): "
+        f"read is {listed}"
+    )
+    return [warn(file, Code.RENAMED, message)] if members else []
+
+
 def _too_many(file: str, limits: UploadLimits) -> Finding:
     return reject(file, Code.TOO_MANY_FILES, f"more than {limits.members} members, allowed are at most that")
-
-
-def _ignored(name: str) -> bool:
-    """What desktops add by themselves."""
-    parts = PurePosixPath(name).parts
-    return any(part in _IGNORED for part in parts) or parts[-1].startswith("._")
 
 
 def _zip_members(stream: BinaryIO, file: str, limits: UploadLimits) -> Iterator[_Member]:
@@ -128,8 +146,41 @@ def _zip_members(stream: BinaryIO, file: str, limits: UploadLimits) -> Iterator[
             raise UnusableFileError([_too_many(file, limits)])
         for info in archive.infolist():
             # `filename` is cut at a NUL, `orig_filename` is what the archive says
-            name, is_folder = info.orig_filename, info.is_dir()
-            yield _Member(name, info.file_size, is_folder, _zip_fault(info), _opener(archive, info))
+            name = _zip_name(info)
+            is_folder = name.endswith("/")
+            yield _Member(name, info.orig_filename, info.file_size, is_folder, _zip_fault(info), _opener(archive, info))
+
+
+def _zip_name(info: zipfile.ZipInfo) -> str:
+    r"""The name of a member in composed letters, with / between folders.
+
+    Without bit 11 of its flags a name is in the code page of a PC, unless it is valid UTF-8 (as macOS, and zips made by
+    Python 2, have it) or an extra field says it in UTF-8 (APPNOTE 4.6.9). What MS-DOS and Windows write may have \.
+    """
+    name = info.orig_filename
+    if not info.flag_bits & _UTF8:
+        raw = name.encode("cp437")
+        name = _unicode_path(info.extra, raw) or _as_utf8(raw) or name
+    if info.create_system in _WINDOWS:
+        name = name.replace("\\", "/")
+    return unicodedata.normalize("NFC", name)
+
+
+def _as_utf8(raw: bytes) -> str | None:
+    try:
+        return raw.decode()
+    except UnicodeDecodeError:
+        return None
+
+
+def _unicode_path(extra: bytes, raw: bytes) -> str | None:
+    """The name in the extra field 0x7075, if it is about this very name."""
+    while len(extra) >= 4:
+        kind, size = struct.unpack_from("<HH", extra)
+        if kind == 0x7075 and size > 5 and struct.unpack_from("<BI", extra, 4) == (1, zlib.crc32(raw)):
+            return _as_utf8(extra[9 : 4 + size])
+        extra = extra[4 + size :]
+    return None
 
 
 def _opener(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Callable[[], IO[bytes]]:
@@ -197,7 +248,8 @@ def _tar_members(stream: BinaryIO) -> Iterator[_Member]:
             if info.size < 0 or info.offset <= position:
                 raise tarfile.ReadError("its members do not follow each other")
             position = info.offset
-            yield _Member(info.name, info.size, info.isdir(), _tar_fault(info), _extractor(archive, info))
+            name = unicodedata.normalize("NFC", info.name)
+            yield _Member(name, info.name, info.size, info.isdir(), _tar_fault(info), _extractor(archive, info))
             archive.members = []  # type: ignore[attr-defined]  # it would remember each one
         stream.seek(archive.offset)
         if stream.read(512).strip(b"\0"):

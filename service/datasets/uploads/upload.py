@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePosixPath
@@ -17,29 +17,27 @@ import numpy as np
 
 from service.datasets.checks.validate import check_entries, check_passport
 from service.datasets.columns import canonical_name
-from service.datasets.default_passport import VIPER_ON_LUNAR_REGOLITH
 from service.datasets.file_names import upload_name
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
-from service.datasets.intake import Intake, Progress
+from service.datasets.intake import Intake, Progress, run_in
 from service.datasets.parquet import read_parquet
 from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
-from service.datasets.readers.chrono_text import TextTable, header_names, parse_text, split_text
-from service.datasets.readers.column_map import ColumnMap, resolve
-from service.datasets.readers.folder import read_listed
-from service.datasets.readers.foreign_parquet import declares_our_format, read_foreign_parquet
-from service.datasets.readers.long_table import MAY_CHANGE, REQUIRED_LABELS, LongTable, is_long, take_runs
-from service.datasets.readers.long_text import parse_long_text, row_width
+from service.datasets.readers.column_map import ColumnMap
+from service.datasets.readers.folder import passport_of, read_listed, unlisted_in
+from service.datasets.readers.foreign_parquet import ParquetTable, declares_our_format
+from service.datasets.readers.long_table import MAY_CHANGE, REQUIRED_LABELS, is_long, read_long, take_runs
 from service.datasets.readers.sniff import HEAD_BYTES, Kind, foreign_name, kind_of
+from service.datasets.readers.table import Samples, Table
+from service.datasets.readers.text_table import parse_text
 from service.datasets.report import ValidationReport, refused
 from service.datasets.run import Dataset, Run
 from service.datasets.run_table import FILE as RUN_TABLE
-from service.datasets.run_table import RunEntry, parse_run_table, scenario_fault
+from service.datasets.run_table import SCENARIO_LIMITS, RunEntry, parse_run_table, scenario_fault
 from service.datasets.uploads.archive import unpack_archive
+from service.datasets.uploads.only_table import only_table
 from service.datasets.uploads.unpacking import Meter, unpack_stream
 from service.datasets.uploads.upload_form import UploadForm, UploadLimits
 from service.errors import NO_ROOM, DatasetError, InvalidValueError, StorageFullError
-
-_DATA_ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".parquet", ".gz")
 
 
 def read_upload(
@@ -83,11 +81,11 @@ class _UploadReader:
     def read(self, path: Path, file: str) -> tuple[Dataset, ValidationReport]:
         """Unwrap, then read by kind."""
         meter = Meter(self.limits, path.stat().st_size, file)
-        kind, head = _sniff(path)
+        kind, _ = _sniff(path)
         if kind.is_compressed:
             unpacked = self.workspace / "content"
             unpack_stream(path, kind, unpacked, meter, file)
-            path, (kind, head) = unpacked, _sniff(unpacked)
+            path, (kind, _) = unpacked, _sniff(unpacked)
             if kind.is_compressed:
                 message = f"holds {kind} data in turn; pack it once"
                 raise UnusableFileError([reject(file, Code.NESTED_ARCHIVE, message)])
@@ -96,12 +94,15 @@ class _UploadReader:
             folder.mkdir()
             # an unpacked tar is counted anew: its members are what was counted already
             meter = Meter(self.limits, path.stat().st_size, file)
-            unpack_archive(path, kind, folder, file=file, limits=self.limits, meter=meter)
-            return self._folder(folder, file)
-        return self._file(path, kind, head, file)
+            noticed = unpack_archive(path, kind, folder, file=file, limits=self.limits, meter=meter)
+            return self._folder(folder, file, noticed)
+        return self._file(path, file)
 
-    def _file(self, path: Path, kind: Kind, head: bytes, file: str) -> tuple[Dataset, ValidationReport]:
-        """One file that is no archive."""
+    def _file(
+        self, path: Path, file: str, stored: bytes | None = None, noticed: Sequence[Finding] = ()
+    ) -> tuple[Dataset, ValidationReport]:
+        """One file that is no archive; `stored` is a passport that came with it."""
+        kind, head = _sniff(path)
         if kind is Kind.EMPTY:
             raise UnusableFileError([reject(file, Code.EMPTY_FILE, "has no bytes")])
         if kind is Kind.FOREIGN:
@@ -110,132 +111,129 @@ class _UploadReader:
                 "with one row per sample"
             )
             raise UnusableFileError([reject(file, Code.UNSUPPORTED_FORMAT, message)])
-        if kind is Kind.PARQUET:
-            return self._parquet(path, file)
-        if kind is not Kind.TEXT:
+        if kind not in {Kind.PARQUET, Kind.TEXT}:
             raise UnusableFileError([reject(file, Code.NESTED_ARCHIVE, f"is a {kind} inside an archive")])
-        return self._text(path, file)
+        if kind is Kind.PARQUET and declares_our_format(path, file=file, limits=self.limits):
+            return self._ours(path, file, stored, noticed)
+        size = path.stat().st_size
+        if size > self.limits.file_bytes:
+            message = f"has {size} bytes, allowed are at most {self.limits.file_bytes}"
+            raise UnusableFileError([reject(file, Code.TOO_LARGE, message)])
+        table: Table = (
+            ParquetTable(path, file) if kind is Kind.PARQUET
+            else parse_text(path.read_bytes(), file=file, max_rows=self.limits.rows)
+        )  # fmt: skip
+        return self._table(table, stored, noticed)
 
-    def _folder(self, root: Path, file: str) -> tuple[Dataset, ValidationReport]:
-        """What was in an archive: a folder with runs.csv, or a single file."""
+    def _folder(self, root: Path, file: str, noticed: Sequence[Finding]) -> tuple[Dataset, ValidationReport]:
+        """What was in an archive: a folder with runs.csv, or a single table."""
         tables = sorted((each for each in root.rglob(RUN_TABLE) if each.is_file()), key=lambda each: len(each.parts))
         if len(tables) > 1 and len(tables[0].parts) == len(tables[1].parts):
             message = f"there are {len(tables)} of them; upload one dataset at a time"
             raise UnusableFileError([reject(RUN_TABLE, Code.RUN_TABLE, message)])
         if tables:
-            return self._listed(tables[0].parent, file)
-        files = [each for each in root.rglob("*") if each.is_file() and each.name != PASSPORT_FILE]
-        data = [each for each in files if each.name.lower().endswith(_DATA_ENDINGS)]
-        if len(data) != 1:
-            message = (
-                f"is not in the archive, which has {len(files)} other files; it must list file, slope, mass, torque"
-            )
-            raise UnusableFileError([reject(RUN_TABLE, Code.MISSING_FILE, message)])
-        inner, name = data[0], data[0].relative_to(root).as_posix()
-        kind, head = _sniff(inner)
+            return self._listed(root, tables[0].parent, file, noticed)
+        stored = _only_passport(root)
+        passport, _ = self._passport(stored)
+        inner, others = only_table(root, passport, self._column_map(passport)[0])
+        name = inner.relative_to(root).as_posix()
+        kind, _ = _sniff(inner)
         if kind is Kind.GZIP:
             unpacked = self.workspace / "content-of-member"
             unpack_stream(inner, kind, unpacked, Meter(self.limits, inner.stat().st_size, name), name)
-            inner, (kind, head) = unpacked, _sniff(unpacked)
-        return self._file(inner, kind, head, name)
+            inner = unpacked
+        return self._file(inner, name, stored, [*noticed, *others])
 
-    def _listed(self, root: Path, file: str) -> tuple[Dataset, ValidationReport]:
-        """A folder with runs.csv."""
-        stored = root / PASSPORT_FILE
-        passport, noticed = self._passport(stored.read_bytes() if stored.is_file() else None)
+    def _listed(
+        self, root: Path, folder: Path, file: str, noticed: Sequence[Finding]
+    ) -> tuple[Dataset, ValidationReport]:
+        """A folder with runs.csv somewhere in an archive's `root`. A passport may also lie above it."""
+        above = [folder, *(each for each in folder.parents if each.is_relative_to(root))]
+        stored = next((each / PASSPORT_FILE for each in above if (each / PASSPORT_FILE).is_file()), None)
+        passport, told = self._passport(stored.read_bytes() if stored else None)
+        mapping, of_map = self._column_map(passport)
         try:
-            table = parse_run_table((root / RUN_TABLE).read_bytes())
+            table = parse_run_table((folder / RUN_TABLE).read_bytes())
         except DatasetError as error:
             raise UnusableFileError([reject(RUN_TABLE, Code.RUN_TABLE, str(error))]) from error
+        elsewhere = [each for each in unlisted_in(root, [], folder.relative_to(root).as_posix())
+                     if not (root / each.file).is_relative_to(folder) and root / each.file != stored]  # fmt: skip
+        unused = self._unused((*SCENARIO_LIMITS, "set_name"), f"{RUN_TABLE} and its files say it")
         return read_listed(
-            root,
+            folder,
             passport,
             table,
             name=self._name(file),
-            column_map=self._column_map(passport),
+            column_map=mapping,
             strict=self.form.strict,
             max_file_bytes=min(self.limits.file_bytes, 256 << 20),
             max_total_bytes=self.limits.total_bytes,
             max_rows=self.limits.rows,
             progress=self.progress,
-            noticed=noticed,
+            noticed=[*noticed, *told, *of_map, *unused, *elsewhere],
         )
 
-    def _parquet(self, path: Path, file: str) -> tuple[Dataset, ValidationReport]:
-        if not declares_our_format(path, file=file, limits=self.limits):
-            passport, noticed = self._passport(None)
-            mapping = self._column_map(passport)
-            long, findings = read_foreign_parquet(path, mapping, file=file)
-            return self._table(long, passport, mapping, [*noticed, *findings], file)
+    def _ours(
+        self, path: Path, file: str, stored: bytes | None, noticed: Sequence[Finding]
+    ) -> tuple[Dataset, ValidationReport]:
+        """A Parquet file that this service wrote; its columns have our names."""
         try:
             dataset = read_parquet(str(path))
         except DatasetError as error:
             raise UnusableFileError([reject(file, Code.BROKEN_PARQUET, str(error))]) from error
-        passport, noticed = dataset.passport, list[Finding]()
+        passport, told = dataset.passport, list[Finding]()
         if self.form.passport is not None:
-            passport, noticed = self._passport(dataset.passport.canonical_json().encode())
-        # its columns have our names, whatever files a column map of the passport is about
-        intake = Intake(passport, ColumnMap.of("rover-twin"), max_rows=self.limits.rows)
+            passport, told = self._passport(dataset.passport.canonical_json().encode())
+        elif stored is not None:
+            told = [warn(PASSPORT_FILE, Code.PASSPORT, f"the passport within {file} is used, not this one")]
+        intake = Intake(passport, max_rows=self.limits.rows)
         entries = [(_entry_of(run, file), run) for run in dataset.runs]
         between = list(check_entries([entry for entry, _ in entries]))
-        intake.findings += [*noticed, *check_passport(passport), *between, *_scenario_faults(entries)]
+        unused = self._unused((*SCENARIO_LIMITS, "set_name", "column_map"), "the file says it")
+        intake.findings += [*noticed, *told, *unused, *check_passport(passport), *between, *_scenario_faults(entries)]
         barred = {finding.file for finding in intake.findings if finding.rejects}
         for entry, run in entries:
             if entry.file not in barred and RUN_TABLE not in barred:
-                intake.take(entry, run.name, partial(_table_of, run))
+                intake.take(entry, run.name, partial(_samples_of, run))
         name = self.form.name or self._name(dataset.name or file)
         return intake.conclude(name, [entry.file for entry, _ in entries], strict=self.form.strict)
 
-    def _text(self, path: Path, file: str) -> tuple[Dataset, ValidationReport]:
-        size = path.stat().st_size
-        if size > self.limits.file_bytes:
-            message = f"has {size} bytes, allowed are at most {self.limits.file_bytes}"
-            raise UnusableFileError([reject(file, Code.TOO_LARGE, message)])
-        passport, noticed = self._passport(None)
-        mapping = self._column_map(passport)
-        data = path.read_bytes()
-        text = split_text(data, file=file, max_rows=self.limits.rows)
-        names = header_names(text, row_width(text), file=file)
-        if names is not None and is_long(names):
-            del data
-            return self._table(parse_long_text(text, names, file=file), passport, mapping, noticed, file)
-        del text
-        return self._table(LongTable(parse_text(data, file=file), {}, {}), passport, mapping, noticed, file)
-
     def _table(
-        self, long: LongTable, passport: Passport, mapping: ColumnMap | None, noticed: list[Finding], file: str
+        self, table: Table, stored: bytes | None, noticed: Sequence[Finding]
     ) -> tuple[Dataset, ValidationReport]:
         """A table of many runs, or of one whose scenario the form tells."""
-        intake = Intake(passport, mapping, max_rows=self.limits.rows)
-        intake.findings += [*noticed, *check_passport(passport)]
-        table = long.table
+        passport, told = self._passport(stored)
+        mapping, of_map = self._column_map(passport)
+        intake = Intake(passport, max_rows=self.limits.rows)
+        intake.findings += [*noticed, *told, *of_map, *check_passport(passport)]
         given = self.form.scenario()
-        if long.numbers or long.texts:
-            found = resolve(table.names, len(table.columns), mapping, file=file)
-            offered = take_runs(
-                intake,
-                long,
-                table.columns[found.indices["time_s"]],
-                file=file,
-                given=given,
-                set_name=self.form.set_name,
-                zero_start=found.zero_start,
-            )
+        if is_long(table.names):
+            long = read_long(table, mapping)
+            said = [*long.numbers, *(["set_name"] if "set" in long.texts else [])]
+            intake.findings += [*long.noticed, *self._unused(said, "the table has such a column")]
+            offered = take_runs(intake, long, given=given, set_name=self.form.set_name)
         else:
             by_rows = {*(mapping.sources if mapping else ()), *map(canonical_name, passport.columns or ())}
-            entry = _only_entry(file, given, self.form, by_rows)
-            intake.take(entry, _stem(file), lambda: table)
-            offered = [file]
-        return intake.conclude(self._name(file), offered, strict=self.form.strict)
+            samples, entry = _both(
+                partial(run_in, table, passport, mapping), partial(_only_entry, table.file, given, self.form, by_rows)
+            )
+            intake.take(entry, _stem(table.file), lambda: samples)
+            offered = [table.file]
+        return intake.conclude(self._name(table.file), offered, strict=self.form.strict)
+
+    def _unused(self, fields: Collection[str], why: str) -> list[Finding]:
+        """A word about each of these fields that the form has: what files say comes first."""
+        given = {name: getattr(self.form, name) for name in fields}
+        return [
+            warn("form", Code.IGNORED_FIELD, f"{name} {value!r} is not used: {why}", column=name)
+            for name, value in given.items()
+            if value != UploadForm.model_fields[name].default
+        ]
 
     def _passport(self, stored: bytes | None) -> tuple[Passport, list[Finding]]:
         """The form's, else the upload's, else the default, and what is to be said about that."""
         if self.form.passport is None and stored is None:
-            message = (
-                "no passport given: VIPER on lunar regolith is assumed (gravity 1.62 m/s2, wheel radius 0.25 m); "
-                "give the field passport if anything else was simulated"
-            )
-            return VIPER_ON_LUNAR_REGOLITH, [warn(PASSPORT_FILE, Code.DEFAULT_PASSPORT, message)]
+            return passport_of(None)
         data = stored or b""
         if self.form.passport is not None:
             try:
@@ -250,11 +248,15 @@ class _UploadReader:
             return passport, []
         return passport, [warn(PASSPORT_FILE, Code.PASSPORT, "the form's passport is used, not the one in the upload")]
 
-    def _column_map(self, passport: Passport) -> ColumnMap | None:
+    def _column_map(self, passport: Passport) -> tuple[ColumnMap | None, list[Finding]]:
+        """The form's, else the passport's, and what is to be said about that."""
         if self.form.column_map is not None:
-            return ColumnMap.of(self.form.column_map)
+            message = "the form's column map is used, not the passport's"
+            both = passport.column_map is not None
+            told = [warn(PASSPORT_FILE, Code.IGNORED_FIELD, message, column="column_map")] if both else []
+            return ColumnMap.of(self.form.column_map), told
         try:
-            return ColumnMap.of(passport.column_map)
+            return ColumnMap.of(passport.column_map), []
         except InvalidValueError as error:
             raise UnusableFileError([reject(PASSPORT_FILE, Code.PASSPORT, str(error))]) from error
 
@@ -268,6 +270,15 @@ def _sniff(path: Path) -> tuple[Kind, bytes]:
     with path.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
     return kind_of(head), head
+
+
+def _only_passport(root: Path) -> bytes | None:
+    """The passport of an archive that has one. Two would have to be told apart by a runs.csv."""
+    passports = [each for each in root.rglob(PASSPORT_FILE) if each.is_file()]
+    if len(passports) > 1:
+        message = f"there are {len(passports)} of them; put the one that holds beside the table"
+        raise UnusableFileError([reject(PASSPORT_FILE, Code.PASSPORT, message)])
+    return passports[0].read_bytes() if passports else None
 
 
 def _stem(file: str) -> str:
@@ -296,9 +307,24 @@ def _entry_of(run: Run, file: str) -> RunEntry:
     return RunEntry(f"{file}#{run.name}", run.set_name, slope, run.mass_kg, torque, run.horizon_s, None, 1)
 
 
-def _table_of(run: Run) -> TextTable:
-    lines = np.arange(1, len(run) + 1, dtype=np.int64)
-    return TextTable(tuple(run.columns), tuple(run.columns.values()), lines)
+def _both(read: Callable[[], Samples], enter: Callable[[], RunEntry]) -> tuple[Samples, RunEntry]:
+    """What both give. Raises UnusableFileError with the reasons of both."""
+    faults: list[Finding] = []
+    try:
+        samples = read()
+    except UnusableFileError as error:
+        faults += error.findings
+    try:
+        entry = enter()
+    except UnusableFileError as error:
+        faults += error.findings
+    if faults:
+        raise UnusableFileError(faults)
+    return samples, entry
+
+
+def _samples_of(run: Run) -> Samples:
+    return Samples(run.columns, np.arange(1, len(run) + 1, dtype=np.int64))
 
 
 def _scenario_faults(entries: list[tuple[RunEntry, Run]]) -> list[Finding]:

@@ -43,7 +43,8 @@ def test_headers_of_demos_are_recognised_with_z_as_height(header):
     assert header[found.indices["rear_y_m"]] in {"z", "pz"}
     assert header[found.indices["speed_mps"]] == "vx"
     assert found.zero_start
-    assert "'vy'" in found.findings[0].message  # told, not silently dropped
+    assert [finding.code for finding in found.findings] == ["preset", "ignored-column"]
+    assert "'vy'" in found.findings[1].message  # told, not silently dropped
 
 
 def test_without_a_header_a_map_by_index_is_required():
@@ -84,7 +85,7 @@ def test_a_demo_file_becomes_a_run_that_starts_at_zero(folder, make_motion):
     run = dataset.runs[0]
     np.testing.assert_allclose(run.x_m, own["rear_x_m"], atol=1e-8)
     assert set(run.columns) == {"time_s", "rear_x_m", "rear_y_m", "speed_mps", "rear_lateral_m"}
-    assert [finding.code for finding in report.findings] == ["ignored-column"]
+    assert [finding.code for finding in report.findings] == ["preset", "ignored-column"]
 
 
 def test_taking_the_demos_angular_velocity_for_speed_is_caught(folder, make_motion, as_text):

@@ -5,6 +5,7 @@ from dataclasses import asdict
 
 import pytest
 
+from service.datasets.default_passport import VIPER_ON_LUNAR_REGOLITH
 from service.datasets.readers.folder import read_folder
 from service.datasets.report import RejectedDatasetError
 from service.datasets.run_table import unsafe_path
@@ -118,10 +119,11 @@ def test_summary_and_report_are_plain_json(folder, make_motion):
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ("", "has no column file"),
+        ("", "lists 0 runs"),
         ("file,slope_deg\na,1\n", "has no column mass_kg"),
         ("file,slope_deg,mass_kg,torque_nm\n", "lists 0 runs"),
-        ('file,slope_deg,mass_kg,torque_nm\n"a,1,2,3\n', "cannot be read"),
+        ('file,slope_deg,mass_kg,torque_nm\n"a,1,2,3\n', "1 values, the header names 4 columns"),
+        ("file,slope_deg,mass_kg,torque_nm,Slope [deg]\na,1,2,3,1\n", "several columns for slope_deg"),
     ],
 )
 def test_a_table_that_says_nothing_is_refused(folder, table, message):
@@ -131,6 +133,14 @@ def test_a_table_that_says_nothing_is_refused(folder, table, message):
         read_folder(folder.path)
 
 
-def test_a_folder_without_passport_is_refused(tmp_path):
-    with pytest.raises(DatasetError, match=r"passport\.json cannot be read"):
+def test_a_folder_without_passport_is_of_the_rover_that_uploads_without_one_are(folder, make_motion):
+    path = folder.add("a.csv", make_motion()).write()
+    (path / "passport.json").unlink()
+    dataset, report = read_folder(path)
+    assert dataset.passport == VIPER_ON_LUNAR_REGOLITH
+    assert [(f.code, f.severity) for f in report.findings] == [("default-passport", "warn")]
+
+
+def test_a_folder_without_runs_csv_is_refused(tmp_path):
+    with pytest.raises(DatasetError, match=r"runs\.csv cannot be read"):
         read_folder(tmp_path)

@@ -1,0 +1,119 @@
+"""A table before anybody knows which of its columns are wanted: text and Parquet look the same from here on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from service.datasets.columns import INPUTS, REQUIRED
+from service.datasets.findings import MAX_LOCATED, Code, Finding, UnusableFileError, reject, warn
+
+Array = npt.NDArray[np.float64]
+Lines = npt.NDArray[np.int64]
+Selection = slice | npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Numbers:
+    """A column of numbers (row,); `blank` (row,) says which cells have no value (nan there), None: all have one."""
+
+    values: Array
+    blank: npt.NDArray[np.bool_] | None = None
+
+    def __getitem__(self, rows: Selection) -> Numbers:
+        return Numbers(self.values[rows], None if self.blank is None else self.blank[rows])
+
+    @property
+    def is_absent(self) -> bool:
+        """Whether no cell has a value."""
+        return self.blank is not None and bool(self.blank.all())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Texts:
+    """A column of texts: `codes` (row,) are indices into `values`, where "" is a cell without a value."""
+
+    codes: npt.NDArray[np.int64]
+    values: tuple[str, ...]
+
+    @property
+    def is_absent(self) -> bool:
+        """Whether no cell has a value."""
+        return not any(value.strip() for value in self.values)
+
+
+class Table(Protocol):
+    """Rows of a file. Only the columns that are asked for are read; the others may hold anything."""
+
+    @property
+    def file(self) -> str:
+        """What the file is called in findings."""
+
+    @property
+    def names(self) -> tuple[str, ...] | None:
+        """A name per column, "" for a column without one; None for a table without a header."""
+
+    @property
+    def width(self) -> int:
+        """How many columns there are."""
+
+    @property
+    def lines(self) -> Lines:
+        """1-based line of the file of each row, (row,)."""
+
+    @property
+    def noticed(self) -> Sequence[Finding]:
+        """What was skipped or understood in a way that its author should know of."""
+
+    def numbers(self, indices: Sequence[int]) -> list[Numbers]:
+        """These columns. Raises UnusableFileError with line and column of what is no number."""
+
+    def texts(self, index: int) -> Texts:
+        """One column as texts. Raises UnusableFileError."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """The rows of one run: canonical columns (row,), the line of each row, and what was noticed."""
+
+    columns: Mapping[str, Array]
+    lines: Lines
+    findings: Sequence[Finding] = ()
+
+
+def samples_of(columns: Mapping[str, Numbers], lines: Lines, *, file: str, zero_start: bool = False) -> Samples:
+    """The columns of one run by canonical name; with `zero_start` time and x are counted from its first row.
+
+    A column that is not needed and has no value in the whole run is as if it were absent, with a warning. Raises
+    UnusableFileError for any other cell without a value.
+    """
+    kept: dict[str, Array] = {}
+    findings: list[Finding] = []
+    for name, column in columns.items():
+        without_numbers = name not in INPUTS and bool(np.isnan(column.values).all())
+        if name not in REQUIRED and (column.is_absent or without_numbers):
+            findings.append(warn(file, Code.EMPTY_COLUMN, "has no values, so it is as if absent", column=name))
+        else:
+            kept[name] = column.values
+    gaps = [gap for name in kept for gap in gaps_in(columns[name].blank, lines, file=file, column=name)]
+    if gaps:
+        raise UnusableFileError(gaps[:MAX_LOCATED])
+    return Samples(_from_zero(kept) if zero_start else kept, lines, findings)
+
+
+def gaps_in(blank: npt.NDArray[np.bool_] | None, lines: Lines, *, file: str, column: str) -> Iterator[Finding]:
+    """A rejection for each of the first cells without a value; `blank` and `lines` are (row,)."""
+    if blank is not None:
+        for at in np.flatnonzero(blank)[:MAX_LOCATED].tolist():
+            yield reject(file, Code.EMPTY_CELL, "no value in this cell", row=int(lines[at]), column=column)
+
+
+def _from_zero(columns: dict[str, Array]) -> dict[str, Array]:
+    """Time and x counted from the first row. (A first row that is nan is left to validation.)"""
+    shift: dict[str, Any] = {"time_s": columns["time_s"][0], "rear_x_m": columns["rear_x_m"][0]}
+    shift["front_x_m"] = shift["rear_x_m"]
+    return {name: column - shift[name] if name in shift else column for name, column in columns.items()}

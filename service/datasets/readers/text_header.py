@@ -1,0 +1,127 @@
+"""The names of a text's columns: from its header, or from a comment right above the rows."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from service.datasets.columns import meaning_of
+from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.readers.numbers import is_number
+from service.datasets.readers.text_lines import SplitText, is_header, split_row
+
+_SHOWN = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """`names` (None: no header), one for each of `width` columns, "" where a column has none."""
+
+    names: tuple[str, ...] | None
+    width: int
+    noticed: tuple[Finding, ...]
+
+
+def header_of(text: SplitText, *, file: str = "file") -> Header:
+    """The header over the rows. It may use another delimiter than they do: it is free text.
+
+    Columns at the end that have neither name nor value do not count: trailing delimiters make them. A comment right
+    above the rows (as numpy.savetxt writes) serves as header when its cells fit one to one. Raises UnusableFileError
+    when there is a header that does not name the columns.
+    """
+    cells = len(next(text.rows()))
+    least = cells - _empty_at_the_end(text, cells)
+    if text.header is not None:
+        return _from_header(text, text.header, least, cells, file)
+    before = [(at, line) for at, line in text.comments if at < text.lines[0]]
+    if before:
+        at, line = before[-1]
+        fitting = (names for names in _readings(line.lstrip("#/%! \t"), text) if _fits(names, least, cells))
+        names = next((names for names in fitting if is_header(names)), None)
+        if names is not None:
+            message = f"taken for the header, since it names the columns: {line[:120]!r}"
+            noticed = (*_comments(text, file, without=at), warn(file, Code.COMMENT, message, row=at))
+            return Header(names, len(names), noticed)
+    return Header(None, least, _comments(text, file))
+
+
+def header_above(text: SplitText, sought: str, *, file: str) -> tuple[tuple[str, ...], list[Finding]]:
+    """The names that a table has which must have a header, whatever its rows are: the reading that has `sought`."""
+    line, at = text.header, None
+    if line is None and text.comments and text.comments[-1][0] < text.lines[0]:
+        at, line = text.comments[-1][0], text.comments[-1][1].lstrip("#/%! \t")
+    readings = list(_readings(line, text)) if line is not None else [()]
+    names = next((names for names in readings if sought in map(meaning_of, names)), readings[0])
+    return names, list(_comments(text, file, without=at))
+
+
+def _from_header(text: SplitText, header: str, least: int, cells: int, file: str) -> Header:
+    readings = list(_readings(header, text))
+    noticed = _comments(text, file)
+    for names in readings:
+        if _fits(names, least, cells):
+            return Header(names, len(names), noticed)
+    of_rows = (names for names in readings[: 1 if text.delimiter != " " else None] if len(names) == least - 1)
+    names = next(of_rows, ())
+    if names and _has_row_names(text):
+        return Header(("", *names), least, noticed)
+    shown = header.strip()[:120]
+    message = f"the header {shown!r} does not name the {least} columns of the rows"
+    raise UnusableFileError([reject(file, Code.HEADER_MISMATCH, message, row=int(text.lines[0])), *noticed])
+
+
+def _fits(names: Sequence[str], least: int, cells: int) -> bool:
+    return least <= len(names) <= cells
+
+
+def _readings(line: str, text: SplitText) -> Iterator[tuple[str, ...]]:
+    """The cells of a header in each way of reading it, the way of the rows first."""
+    ways: list[Callable[[str], Sequence[str]]] = [lambda each: split_row(each, text.delimiter)]
+    ways += [lambda each, mark=mark: split_row(each, mark) for mark in (",", ";", "\t")]  # type: ignore[misc]
+    # aligned columns, whose names may have single spaces
+    ways += [lambda each: re.split(r" {2,}|\t", each.strip()), str.split]
+    for way in ways:
+        cells = [cell.strip().strip("\"'").strip() for cell in way(line)]
+        while cells and not cells[-1]:
+            cells.pop()
+        yield tuple(cells)
+
+
+def _empty_at_the_end(text: SplitText, cells: int) -> int:
+    """How many columns at the end have no value in any row."""
+    ending, mark = 0, text.delimiter.encode()
+    rows = text.body.count(b"\n")
+    while ending + 1 < cells and mark != b" ":
+        tail = mark * (ending + 1)
+        if not (text.body.endswith(tail) and text.body.count(tail + b"\n") == rows):
+            break
+        ending += 1
+    first = next(text.rows())
+    if ending + 1 < cells and mark != b" " and not first[cells - 1 - ending].strip():
+        # spaces or quotes without content; a last row that is cut off is told of by whoever reads the cells
+        while ending + 1 < cells and all(
+            len(row) < cells or not row[cells - 1 - ending].strip() for row in text.rows()
+        ):
+            ending += 1
+    return ending
+
+
+def _has_row_names(text: SplitText) -> bool:
+    """Whether the first column counts the rows, or names them, as R and pandas write without saying so above it."""
+    first = [row[0].strip() for row in text.rows()]
+    if all(cell.isdecimal() for cell in first):
+        return all(int(one) < int(other) for one, other in itertools.pairwise(first))
+    return not any(is_number(cell) for cell in first)
+
+
+def _comments(text: SplitText, file: str, without: int | None = None) -> tuple[Finding, ...]:
+    """What is to be said about the text: one finding for all lines that were taken for comments."""
+    comments = [(at, line) for at, line in text.comments if at != without]
+    if not comments:
+        return text.noticed
+    shown = ", ".join(f"line {at} {line[:40]!r}" for at, line in comments[:_SHOWN])
+    more = f" and {len(comments) - _SHOWN} more" if len(comments) > _SHOWN else ""
+    message = f"not read, since they begin as comments do: {shown}{more}"
+    return (*text.noticed, warn(file, Code.COMMENT, message, row=comments[0][0]))

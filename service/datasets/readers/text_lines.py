@@ -1,0 +1,242 @@
+"""Text as rows of cells: every file that people and programs write as lines is taken apart here and nowhere else.
+
+Run files, long tables and runs.csv come through the same door. What Chrono and its demos write: `ChWriterCSV` puts the
+delimiter after *every* value, a header is optional free text, delimiters are `,` `;` tab or spaces. What Excel writes:
+a first line `sep=;`, rows of delimiters only, cells in quotes, Windows-1252.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from service.datasets.columns import MAX_COLUMNS, meaning_of
+from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.readers.numbers import is_number
+from service.datasets.readers.table import Lines
+
+COMMENTS = ("#", "//", "%", "!")
+_TEXT_MEANINGS = {"run", "set", "file"}
+
+# first bytes of lines that may hold no data: blank, comments, delimiters only, or with leading space
+_NOISE = np.frombuffer(b"\n \t#/%!,;|\"'", dtype=np.uint8)
+_NOTHING = " \t,;|\"'"
+_SEPARATORS = re.compile(r"[,;|\s]+")
+_SEP_LINE = re.compile(rb'\A"?sep=(?P<mark>[^\n"]|\\t)"?(?P=mark)*[ ]*\n', re.IGNORECASE)
+_DELIMITERS = (";", "\t", "|", ",")
+_SPACED_QUOTE = re.compile(rb'(?<=[,;|\t]) +(?=")')
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SplitText:
+    """A text without blank lines and comments: rows of cells in `body`, the line of each in `lines` (row,).
+
+    `header` is the line above the rows, if any, `comments` are lines that begin as such, each with its number; `quote`
+    is "" where no cell is in quotes.
+    """
+
+    body: bytes
+    delimiter: str
+    quote: str
+    lines: Lines
+    header: str | None
+    comments: tuple[tuple[int, str], ...]
+    noticed: tuple[Finding, ...]
+
+    def rows(self) -> Iterator[list[str]]:
+        """The cells of each row."""
+        for row in self.body.split(b"\n"):
+            yield split_row(row.decode(), self.delimiter, self.quote)
+
+
+def split_row(row: str, delimiter: str, quote: str = '"') -> list[str]:
+    """The cells of one line. A quote counts at the start of a cell only."""
+    if delimiter == " ":
+        row = " ".join(row.split())
+    if not quote or quote not in row:
+        return row.split(delimiter)
+    try:
+        return next(csv.reader([row], delimiter=delimiter, quotechar=quote, skipinitialspace=True), [""])
+    except csv.Error:  # a cell of 100,000 characters
+        return row.split(delimiter)
+
+
+def split_text(data: bytes, *, file: str = "file", max_rows: int) -> SplitText:
+    """Rows and header of a text. Raises UnusableFileError for what is no text, empty or too large."""
+    text, noticed = _plain(data, file)
+    asked = _SEP_LINE.match(text)
+    text = text if asked is None else b"\n" + text[asked.end() :]
+    text, numbers = _joined(text)
+    header, comments, position, count = _preamble(text)
+    body = text[position:].rstrip(b"\n")
+    if body.count(b"\n") >= max_rows + 1:
+        message = f"more than {max_rows} rows, allowed is at most {max_rows}"
+        raise UnusableFileError([reject(file, Code.TOO_LARGE, message)])
+    lines = np.arange(count + 1, count + 2 + body.count(b"\n"), dtype=np.int64)
+    mark = asked["mark"].decode().replace("\\t", "\t") if asked else None
+    body, kept, delimiter, skipped = _data_rows(body, header, mark)
+    if not kept.any():
+        raise UnusableFileError([reject(file, Code.EMPTY_FILE, "no rows of numbers in it"), *noticed])
+    lines = lines[kept]
+    comments = [*comments, *((count + 1 + at, line) for at, line in skipped)]
+    if numbers is not None:
+        lines, comments = numbers[lines - 1], [(int(numbers[at - 1]), line) for at, line in comments]
+    first = body.split(b"\n", 1)[0].decode()
+    _bound_columns(first, delimiter, int(lines[0]), file)
+    quote = '"' if b'"' in body else _single_quote(first, delimiter)
+    if delimiter == " ":
+        body = b"\n".join(b" ".join(line.split()) for line in body.split(b"\n"))
+    elif quote == '"':
+        body = _SPACED_QUOTE.sub(b"", body)
+    return SplitText(body, delimiter, quote, lines, header, tuple(comments), tuple(noticed))
+
+
+def _plain(data: bytes, file: str) -> tuple[bytes, list[Finding]]:
+    """UTF-8 without byte-order mark, with newlines as line ends; refuses what is no text."""
+    if b"\0" in data or data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        message = "binary or UTF-16 content; expected plain text with one row per line (UTF-8 or ASCII)"
+        raise UnusableFileError([reject(file, Code.NOT_TEXT, message)])
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    try:
+        if not data.isascii():
+            data.decode()
+    except UnicodeDecodeError:
+        message = "is not UTF-8, so it is read as Windows-1252; look at names that have other letters than a to z"
+        text = data.decode("cp1252", "replace")
+        return text.encode(), [warn(file, Code.ENCODING, message)]
+    return data, []
+
+
+def _joined(text: bytes) -> tuple[bytes, Lines | None]:
+    """The text with every row on one line, and the line on which each one began; None where no row has several.
+
+    A cell in quotes may go on over lines. Where quotes do not come in pairs no line is joined to another.
+    """
+    if b'"' not in text:
+        return text, None
+    characters = np.frombuffer(text, dtype=np.uint8)
+    quotes = np.cumsum(characters == ord('"'))[characters == ord("\n")]
+    if not (np.diff(quotes, prepend=0) % 2).any():
+        return text, None
+    rows, numbers, open_row = list[bytes](), list[int](), False
+    for number, line in enumerate(text.split(b"\n"), start=1):
+        if open_row:
+            rows[-1] += b" " + line
+        else:
+            rows.append(line)
+            numbers.append(number)
+        if open_row or not line.lstrip().decode().startswith(COMMENTS):
+            open_row ^= line.count(b'"') % 2 == 1
+    return (text, None) if open_row else (b"\n".join(rows), np.array(numbers, dtype=np.int64))
+
+
+def _preamble(text: bytes) -> tuple[str | None, list[tuple[int, str]], int, int]:
+    """(header, comments before it with their lines, where the rows begin, how many lines are before them)."""
+    comments: list[tuple[int, str]] = []
+    position = count = 0
+    while position < len(text):
+        end = text.find(b"\n", position)
+        end = len(text) if end < 0 else end
+        line = text[position:end].decode().strip()
+        if line.startswith(COMMENTS):
+            comments.append((count + 1, line))
+        elif line.strip(_NOTHING):
+            if is_header(_SEPARATORS.split(line)):
+                return text[position:end].decode().rstrip(" "), comments, end + 1, count + 1
+            return None, comments, position, count
+        position, count = end + 1, count + 1
+    return None, comments, len(text), count
+
+
+def is_header(cells: Sequence[str]) -> bool:
+    """Fewer than half of the cells are numbers. (One bad cell in the first row does not make it a header.)"""
+    cells = [cell for cell in cells if cell]
+    return sum(is_number(cell) for cell in cells) * 2 < len(cells)
+
+
+Skipped = list[tuple[int, str]]
+
+
+def _data_rows(body: bytes, header: str | None, mark: str | None) -> tuple[bytes, npt.NDArray[np.bool_], str, Skipped]:
+    """(rows without blank lines and comments, which lines they are, their delimiter, comments with their indices)."""
+    characters = np.frombuffer(body, dtype=np.uint8)
+    starts = np.concatenate([[0], np.flatnonzero(characters == ord("\n")) + 1])
+    if len(body) and not np.isin(characters[starts[starts < len(body)]], _NOISE).any():
+        return body, np.ones(len(starts), dtype=np.bool_), _delimiter(body, header, mark), []
+    nothing = _NOTHING + (mark or "")
+    every = [line.decode() for line in body.split(b"\n")]
+    filled = [(at, line) for at, line in enumerate(every) if line.strip(nothing)]
+    plain = next((line for _, line in filled if not line.lstrip().startswith(COMMENTS)), None)
+    delimiter = _delimiter((plain or header or "").encode(), header, mark)
+    is_row = _row_test(plain, header, delimiter)
+    rows: list[str] = []
+    skipped: Skipped = []
+    kept = np.zeros(len(every), dtype=np.bool_)
+    for at, line in filled:
+        if line.lstrip().startswith(COMMENTS) and not is_row(line):
+            skipped.append((at, line.strip()))
+        else:
+            # a leading tab would be an empty first cell, so tabs before a value stay
+            rows.append(line.lstrip(" "))
+            kept[at] = True
+    return "\n".join(rows).encode(), kept, delimiter, skipped
+
+
+def _row_test(plain: str | None, header: str | None, delimiter: str) -> _RowTest:
+    """Whether a line that begins as comments do is a row: its first column holds texts, and it has all of its cells."""
+    reference = plain if plain is not None else header
+    if reference is None:
+        return _RowTest(0, delimiter)
+    first = split_row(header, delimiter)[0] if header is not None else ""
+    holds_texts = meaning_of(first) in _TEXT_MEANINGS or plain is None or not is_number(split_row(plain, delimiter)[0])
+    return _RowTest(len(split_row(reference.strip(" "), delimiter)) if holds_texts else 0, delimiter)
+
+
+@dataclass(frozen=True, slots=True)
+class _RowTest:
+    width: int
+    delimiter: str
+
+    def __call__(self, line: str) -> bool:
+        return self.width > 0 and len(split_row(line.strip(" "), self.delimiter)) == self.width
+
+
+def _delimiter(body: bytes, header: str | None, mark: str | None) -> str:
+    """By the first row: one that gives it as many cells as the header, where there is one.
+
+    Else `;` before `,`: where both occur the comma is a decimal comma, which is refused later.
+    """
+    if mark is not None:
+        return mark
+    row = body.split(b"\n", 1)[0].decode()
+    if header is not None:
+        widths = {mark: len(split_row(row, mark)) for mark in _DELIMITERS}
+        alike = [mark for mark, width in widths.items() if width == len(split_row(header, mark)) > 1]
+        if alike:
+            return max(alike, key=lambda mark: widths[mark])
+    bare = re.sub(r'"[^"]*"', "", row)
+    return next((mark for mark in (";", ",", "|") if mark in bare), "\t" if _is_tabbed(bare) else " ")
+
+
+def _is_tabbed(row: str) -> bool:
+    """Tabs that separate: not merely a stray one in a row of values separated by spaces."""
+    return "\t" in row and all(" " not in cell.strip() for cell in row.split("\t"))
+
+
+def _single_quote(first: str, delimiter: str) -> str:
+    cells = [cell.strip() for cell in split_row(first, delimiter, "")]
+    return "'" if any(len(cell) > 1 and cell[0] == cell[-1] == "'" for cell in cells) else ""
+
+
+def _bound_columns(first: str, delimiter: str, line: int, file: str) -> None:
+    width = len(split_row(first, delimiter, ""))
+    if width > MAX_COLUMNS + 1:  # one more: the empty column after a trailing delimiter
+        message = f"{width} columns, allowed are at most {MAX_COLUMNS}"
+        raise UnusableFileError([reject(file, Code.TOO_LARGE, message, row=line)])
