@@ -29,7 +29,8 @@ from service.wire.points import bounded_grid, require_few_times
 from service.wire.prediction import ALLOWED
 
 _OWN_PARAMETERS = ("frame", "band_level", "dt_s", "binary_data_output")
-_IGNORED_PARAMETERS = frozenset({"priority", "timeout", "headers"})  # Triton's hints to a scheduler; here is none
+# Triton's hints to a scheduler (here is none), and MLServer's to whoever decodes: datatypes say enough
+_IGNORED_PARAMETERS = frozenset({"priority", "timeout", "headers", "content_type"})
 _IGNORED_PREFIX = "triton_"
 _SHARED_MEMORY = "shared_memory_"
 _NUMBERS = frozenset({int, float})
@@ -139,8 +140,9 @@ def _columns(inputs: Sequence[RequestedInput], tail: memoryview) -> Mapping[str,
 def _count(sent: RequestedInput) -> int:
     if sent.datatype not in INPUT_TYPES:
         raise InvalidInputError(fault(f"{sent.name}.datatype", sent.datatype, "one of " + ", ".join(INPUT_TYPES)))
-    if len(sent.shape) != 1 or sent.shape[0] == 0:
-        raise InvalidInputError(fault(f"{sent.name}.shape", str(sent.shape), "one dimension of at least 1"))
+    if len(sent.shape) not in (1, 2) or sent.shape[0] == 0 or sent.shape[1:] not in ([], [1]):
+        allowed = "one dimension of at least 1, and after it none or one of 1"
+        raise InvalidInputError(fault(f"{sent.name}.shape", str(sent.shape), allowed))
     if any(name.startswith(_SHARED_MEMORY) for name in sent.parameters):
         raise UnsupportedError(f"{sent.name}: tensors in shared memory are not supported; send the values")
     return sent.shape[0]
@@ -161,20 +163,29 @@ def _binary_size(sent: RequestedInput, count: int) -> int | None:
 
 
 def _from_json(sent: RequestedInput, count: int) -> npt.NDArray[np.float64]:
-    if len(sent.data) != count:
-        raise InvalidInputError(
-            fault(f"{sent.name}.data", f"{len(sent.data)} values", f"{count} values, as its shape says")
-        )
-    if not _NUMBERS.issuperset(map(type, sent.data)):
-        at = next(at for at, value in enumerate(sent.data) if type(value) not in _NUMBERS)
-        raise InvalidInputError(fault(f"{sent.name}[{at}]", sent.data[at], _allowed(INPUTS[sent.name])))
+    data = sent.data
+    if len(sent.shape) == 2 and all(isinstance(row, list) and len(row) == 1 for row in data):
+        data = [row[0] for row in data]
+    if len(data) != count:
+        raise InvalidInputError(fault(f"{sent.name}.data", f"{len(data)} values", f"{count} values, as its shape says"))
+    if not _NUMBERS.issuperset(map(type, data)):
+        at = next(at for at, value in enumerate(data) if type(value) not in _NUMBERS)
+        raise InvalidInputError(fault(f"{sent.name}[{at}]", data[at], _allowed(INPUTS[sent.name])))
     try:
-        values = np.array(sent.data, dtype=np.float64)
+        values = np.array(data, dtype=np.float64)
     except OverflowError:  # an integer of hundreds of digits
-        at = next(at for at, value in enumerate(sent.data) if not abs(value) < 1e300)
-        raise InvalidInputError(fault(f"{sent.name}[{at}]", sent.data[at], _allowed(INPUTS[sent.name]))) from None
-    with np.errstate(over="ignore"):  # infinity is out of every range
-        return values.astype(INPUT_TYPES[sent.datatype]).astype(np.float64)
+        at = next(at for at, value in enumerate(data) if not abs(value) < 1e300)
+        raise InvalidInputError(fault(f"{sent.name}[{at}]", data[at], _allowed(INPUTS[sent.name]))) from None
+    kind = INPUT_TYPES[sent.datatype]
+    if kind.kind == "f":
+        with np.errstate(over="ignore"):  # infinity is out of every range
+            return values.astype(kind).astype(np.float64)
+    limits = np.iinfo(kind)
+    whole = (values == np.rint(values)) & (values >= limits.min) & (values <= limits.max)
+    if not whole.all():
+        at = int(whole.argmin())
+        raise InvalidInputError(fault(f"{sent.name}[{at}]", data[at], f"a whole number that {sent.datatype} can hold"))
+    return values
 
 
 def _within(known: InputTensor, values: Array) -> Array:

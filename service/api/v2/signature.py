@@ -14,8 +14,12 @@ from service.twin import Frame, PredictionBatch
 
 DEFAULT_HORIZON_S = 10.0
 DEFAULT_STEP_S = 0.05
-INPUT_TYPES: dict[str, np.dtype[np.floating[Any]]] = {"FP64": np.dtype("<f8"), "FP32": np.dtype("<f4")}
-"""Datatypes of inputs; FP32 is taken as the float64 of the same value."""
+INPUT_TYPES: dict[str, np.dtype[Any]] = {
+    **{"FP64": np.dtype("<f8"), "FP32": np.dtype("<f4"), "FP16": np.dtype("<f2")},
+    **{f"INT{bits}": np.dtype(f"<i{bits // 8}") for bits in (64, 32, 16, 8)},
+    **{f"UINT{bits}": np.dtype(f"<u{bits // 8}") for bits in (64, 32, 16, 8)},
+}
+"""Datatypes of inputs; each value is taken as the float64 of the same value."""
 
 Values = npt.NDArray[Any] | list[str]
 _BOTH = frozenset(Frame)

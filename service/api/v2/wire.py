@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 from fastapi import HTTPException, Response
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from service.api.http.exceptions import BodyTooLargeError, UnsupportedMediaTypeError
@@ -25,10 +25,21 @@ Parameters = dict[str, str | bool | int | float]
 _WITH_PARAMETERS = "an object of texts, numbers, true or false"
 
 
-class RequestedInput(BaseModel):
-    """One input tensor: its values stand in `data`, or in the body's binary part."""
+class _Part(BaseModel):
+    """Some clients write null where they have nothing to say."""
 
     model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_nulls(cls, value: Any) -> Any:  # noqa: ANN401 - whatever was sent
+        if not isinstance(value, dict) or None not in value.values():
+            return value
+        return {name: each for name, each in value.items() if each is not None}
+
+
+class RequestedInput(_Part):
+    """One input tensor: its values stand in `data`, or in the body's binary part."""
 
     name: str
     shape: Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=8)]
@@ -37,19 +48,15 @@ class RequestedInput(BaseModel):
     data: list[Any] = Field(default_factory=list, description="Values in row-major order.")
 
 
-class RequestedOutput(BaseModel):
+class RequestedOutput(_Part):
     """One output tensor that is wanted."""
-
-    model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
     name: str
     parameters: Parameters = Field(default_factory=dict, description="`binary_data` to get it in binary, or not.")
 
 
-class InferenceRequest(BaseModel):
+class InferenceRequest(_Part):
     """The JSON part of a request; members that the protocol does not know are ignored, as Triton does."""
-
-    model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
     id: str | None = Field(default=None, max_length=1024, description="Comes back with the answer.")
     parameters: Parameters = Field(default_factory=dict)

@@ -91,6 +91,45 @@ def test_the_binary_part_is_the_tensors_bytes_in_their_order(banded):
     assert tail[-18:] == struct.pack("<2q", 3, 3) + bytes(in_json["outputs"][0]["data"])
 
 
+def in_columns(values, datatype="FP64", nested=False, **more):
+    """As MLServer's codecs write a column of a table: shape [n, 1], and a content type."""
+    data = [[value] for value in values] if nested else values
+    return {"shape": [len(values), 1], "datatype": datatype, "data": data, "parameters": {"content_type": "np"}} | more
+
+
+CODECS = {
+    "PandasCodec": {name: in_columns(values) for name, values in VALUES.items()},
+    "nested rows": {name: in_columns(values, nested=True) for name, values in VALUES.items()},
+    "NumpyCodec of integers": {name: in_columns([*map(int, values)], "INT64") for name, values in VALUES.items()},
+    "whole numbers that look like floats": {name: in_columns(values, "UINT16") for name, values in VALUES.items()},
+    "a column each": {
+        "slope_deg": in_columns([20, 28], "INT8"),
+        "mass_kg": in_columns([430, 430], "INT32", parameters=None),
+        "torque_nm": {"shape": [2], "datatype": "UINT8", "data": [60, 60]},
+    },
+}
+
+
+@pytest.mark.parametrize("codec", CODECS)
+def test_what_codecs_write_is_answered_as_plain_tensors_are(banded, codec):
+    inputs = [{"name": name, **column} for name, column in CODECS[codec].items()]
+    sent = {"id": None, "parameters": {"content_type": "pd"}, "inputs": inputs, "outputs": None}
+    plain = banded.client.post(INFER, json=request())
+    answer = banded.client.post(INFER, json=sent)
+    assert answer.status_code == 200, answer.text
+    assert answer.json()["outputs"] == plain.json()["outputs"]
+
+
+@pytest.mark.parametrize("kind", ["<i8", "<i2", "<u4"])
+def test_integers_in_binary_are_numbers(banded, kind):
+    datatype = f"{'UINT' if 'u' in kind else 'INT'}{8 * np.dtype(kind).itemsize}"
+    content = np.array([430, 430], dtype=kind).tobytes()
+    head, body = in_binary(size=len(content), content=content, datatype=datatype, shape=[2, 1])
+    answer = banded.client.post(INFER, content=body, headers={LENGTH: str(len(head))})
+    assert answer.status_code == 200, answer.text
+    assert answer.json()["outputs"] == banded.client.post(INFER, json=request()).json()["outputs"]
+
+
 WRONG = {
     "no inputs": ({}, "inputs is missing"),
     "inputs of another kind": ({"inputs": "x"}, "inputs is 'x'"),
@@ -98,12 +137,17 @@ WRONG = {
     "no shape": (request_with("mass_kg", shape=None), "inputs[1].shape is missing"),
     "shape of another kind": (request_with("mass_kg", shape=[2.5]), "inputs[1].shape[0] is 2.5"),
     "negative shape": (request_with("mass_kg", shape=[-2]), "inputs[1].shape[0] is -2"),
-    "two dimensions": (request_with("mass_kg", shape=[2, 1]), "mass_kg.shape is '[2, 1]'"),
+    "two dimensions": (request_with("mass_kg", shape=[1, 2]), "mass_kg.shape is '[1, 2]'"),
+    "three dimensions": (request_with("mass_kg", shape=[2, 1, 1]), "mass_kg.shape is '[2, 1, 1]'"),
     "no elements": (request_with("mass_kg", shape=[0], data=[]), "mass_kg.shape"),
     "datatype": (
-        request_with("mass_kg", datatype="INT32"),
-        "mass_kg.datatype is 'INT32', allowed is one of FP64, FP32",
+        request_with("mass_kg", datatype="BOOL"),
+        "mass_kg.datatype is 'BOOL', allowed is one of FP64, FP32",
     ),
+    "half of an integer": (request_with("mass_kg", datatype="INT64", data=[430.0, 430.5]), "mass_kg[1] is 430.5"),
+    "too large an integer": (request_with("mass_kg", datatype="UINT8", data=[200, 430]), "mass_kg[1] is 430, allowed"),
+    "nested too deep": (request_with("mass_kg", shape=[2, 1], data=[[[430.0]], [430.0]]), "mass_kg[0]"),
+    "rows of two": (request_with("mass_kg", shape=[2, 1], data=[[430.0, 1.0], [430.0, 1.0]]), "mass_kg[0]"),
     "too few values": (request_with("mass_kg", data=[1.0]), "mass_kg.data is '1 values', allowed is 2 values"),
     "nested values": (request_with("mass_kg", data=[[430.0], [430.0]]), "mass_kg[0]"),
     "text": (request_with("mass_kg", data=[430.0, "430"]), "mass_kg[1] is '430'"),
