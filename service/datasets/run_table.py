@@ -60,7 +60,7 @@ def parse_run_table(data: bytes) -> tuple[list[RunEntry], list[Finding]]:
         raise DatasetError(f"{FILE} lists 0 runs, allowed are 1..{MAX_RUNS}; it needs a header above them") from error
     if len(text.lines) > MAX_RUNS:
         raise DatasetError(f"{FILE} lists {len(text.lines)} runs, allowed are 1..{MAX_RUNS}")
-    names, findings = header_above(text, "file", file=FILE)
+    names, findings = header_above(text, file=FILE)
     columns, ignored = _columns(names)
     findings += ignored
     entries: list[RunEntry] = []

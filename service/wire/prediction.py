@@ -88,7 +88,8 @@ class PredictionInputs(BaseModel):
         Field(
             min_length=1,
             description="The times to answer at, in seconds from rest, rising; instead of `dt_s`. The last one is the "
-            "horizon. At most 100,000 unless the operator set another limit.",
+            "horizon. At most 100,000 unless the operator set another limit; in a query those that fit into a head of "
+            "32 KiB, some 4,000, so that longer lists need a POST.",
             examples=[[0, 0.5, 2, 10]],
             default_factory=list,  # empty: not given; nobody can send that
             json_schema_extra={"x-allowed": _TIMES},

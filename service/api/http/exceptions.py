@@ -63,7 +63,10 @@ class HeadTooLargeError(RoverTwinError):
     """The head of a request (address and headers) is over the limit."""
 
     def __init__(self, limit_bytes: int, limit_fields: int) -> None:
-        super().__init__(f"the head of the request has more than {limit_bytes} bytes or {limit_fields} headers")
+        super().__init__(
+            f"the head of the request has more than {limit_bytes} bytes or {limit_fields} headers; a long query, such "
+            "as one of many times_s, goes into the body of a POST"
+        )
 
 
 class HeadTooSlowError(RoverTwinError):

@@ -64,12 +64,23 @@ def openapi_of(app: FastAPI) -> dict[str, Any]:
             tags=app.openapi_tags,
         )
         _without_defaults(document)
+        _json_first(document)
         problem = Problem.model_json_schema(ref_template=_COMPONENTS + "{model}")
         schemas = document.setdefault("components", {}).setdefault("schemas", {})
         for name, schema in {**problem.pop("$defs", {}), "Problem": problem}.items():
             schemas.setdefault(name, schema)
         app.openapi_schema = document
     return app.openapi_schema
+
+
+def _json_first(document: dict[str, Any]) -> None:
+    """Swagger asks for the first form of an answer that a document lists."""
+    for operations in document["paths"].values():
+        for operation in operations.values():
+            for response in operation["responses"].values():
+                content = response.get("content", {})
+                if "application/json" in content:
+                    response["content"] = {"application/json": content["application/json"], **content}
 
 
 def _without_defaults(document: dict[str, Any]) -> None:

@@ -263,7 +263,8 @@ async def get_events(
     last_event_id: Annotated[str | None, Header(alias=LAST_EVENT_ID, description=_LAST_EVENT_DESCRIPTION)] = None,
 ) -> Response:
     """Follow a job while it runs, from its beginning or from where a connection was lost."""
-    after = asked.after if last_event_id is None else _event_number(last_event_id)
+    # an empty one is none, as the specification of server-sent events has it
+    after = _event_number(last_event_id) if last_event_id else asked.after
     news = await services.job_calls.run(lambda: new_events(queue, job_id, after))
     if news is None:
         return Response(status_code=204)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 from service.datasets.columns import meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
-from service.datasets.readers.numbers import is_number
 from service.datasets.readers.text_lines import SplitText, is_header, split_row
 
 _SHOWN = 5
@@ -38,7 +37,7 @@ def header_of(text: SplitText, *, file: str = "file") -> Header:
     before = [(at, line) for at, line in text.comments if at < text.lines[0]]
     if before:
         at, line = before[-1]
-        fitting = (names for names in _readings(line.lstrip("#/%! \t"), text) if _fits(names, least, cells))
+        fitting = (names for names in _readings(line.lstrip("#/%! \t"), text) if len(names) == least)
         names = next((names for names in fitting if is_header(names)), None)
         if names is not None:
             message = f"taken for the header, since it names the columns: {line[:120]!r}"
@@ -47,13 +46,15 @@ def header_of(text: SplitText, *, file: str = "file") -> Header:
     return Header(None, least, _comments(text, file))
 
 
-def header_above(text: SplitText, sought: str, *, file: str) -> tuple[tuple[str, ...], list[Finding]]:
-    """The names that a table has which must have a header, whatever its rows are: the reading that has `sought`."""
+def header_above(text: SplitText, *, file: str) -> tuple[tuple[str, ...], list[Finding]]:
+    """The names of a table that must have a header, whatever its rows are: the reading that says most."""
     line, at = text.header, None
     if line is None and text.comments and text.comments[-1][0] < text.lines[0]:
         at, line = text.comments[-1][0], text.comments[-1][1].lstrip("#/%! \t")
     readings = list(_readings(line, text)) if line is not None else [()]
-    names = next((names for names in readings if sought in map(meaning_of, names)), readings[0])
+    names = max(readings, key=lambda names: sum(meaning_of(name) is not None for name in names))
+    if all(len(row) == len(names) + 1 and row[-1].strip() for row in text.rows()) and _has_row_names(text):
+        names = ("", *names)
     return names, list(_comments(text, file, without=at))
 
 
@@ -109,11 +110,13 @@ def _empty_at_the_end(text: SplitText, cells: int) -> int:
 
 
 def _has_row_names(text: SplitText) -> bool:
-    """Whether the first column counts the rows, or names them, as R and pandas write without saying so above it."""
+    """Whether the first column counts the rows, or names them in quotes, as pandas and R write without a header."""
+    if text.quote and all(row.startswith(text.quote.encode()) for row in text.body.split(b"\n")):
+        return True
     first = [row[0].strip() for row in text.rows()]
-    if all(cell.isdecimal() for cell in first):
-        return all(int(one) < int(other) for one, other in itertools.pairwise(first))
-    return not any(is_number(cell) for cell in first)
+    return all(cell.isdecimal() for cell in first) and all(
+        int(one) < int(other) for one, other in itertools.pairwise(first)
+    )
 
 
 def _comments(text: SplitText, file: str, without: int | None = None) -> tuple[Finding, ...]:

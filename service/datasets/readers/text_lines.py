@@ -29,6 +29,7 @@ _NOTHING = " \t,;|\"'"
 _SEPARATORS = re.compile(r"[,;|\s]+")
 _SEP_LINE = re.compile(rb'\A"?sep=(?P<mark>[^\n"]|\\t)"?(?P=mark)*[ ]*\n', re.IGNORECASE)
 _DELIMITERS = (";", "\t", "|", ",")
+_OPEN_CELL = re.compile(rb'[,;|\t]"[^"]*$')
 _SPACED_QUOTE = re.compile(rb'(?<=[,;|\t]) +(?=")')
 
 
@@ -132,7 +133,8 @@ def _joined(text: bytes) -> tuple[bytes, Lines | None]:
         else:
             rows.append(line)
             numbers.append(number)
-        if open_row or not line.lstrip().decode().startswith(COMMENTS):
+        # in a comment a quote may mean inches, unless it begins a cell
+        if open_row or not line.lstrip().decode().startswith(COMMENTS) or _OPEN_CELL.search(line):
             open_row ^= line.count(b'"') % 2 == 1
     return (text, None) if open_row else (b"\n".join(rows), np.array(numbers, dtype=np.int64))
 

@@ -116,6 +116,7 @@ def test_a_head_that_is_too_large_is_a_problem(service: Any, head: bytes) -> Non
     assert answer.startswith(b"HTTP/1.1 431 "), answer[:200]
     assert b"application/problem+json" in answer
     assert b"head-too-large" in answer
+    assert b"goes into the body of a POST" in answer
 
 
 def test_a_head_within_the_limit_passes(service: Any) -> None:

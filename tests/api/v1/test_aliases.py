@@ -91,6 +91,8 @@ def test_preconditions_of_an_alias_that_is_there(service_with_token, own_champio
     assert service_with_token.get(own_champion).json()["version"] == (3 if status == 200 else 2)
     if problem:
         assert answer.json()["type"].endswith(problem)
+    if conditions.get("If_Match", "").startswith("W/"):
+        assert 'If-Match is W/"2" (a weak tag never matches' in answer.json()["detail"]
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,11 @@ def test_nothing_after_the_end_means_do_not_come_back(admin, cancelled, after):
     assert (answer.status_code, answer.content) == (204, b"")
 
 
-@pytest.mark.parametrize("sent", ["-1", "x", "", "1.5", "9" * 20, "\u00b2".encode().decode("latin-1")])
+def test_an_empty_event_number_is_none(admin, cancelled):
+    assert read(admin, cancelled, **{"Last-Event-ID": ""}) == read(admin, cancelled)
+
+
+@pytest.mark.parametrize("sent", ["-1", "x", "1x", "1.5", "9" * 20, "\u00b2".encode().decode("latin-1")])
 def test_an_event_number_that_cannot_be_read(admin, cancelled, sent):
     answer = admin.get(cancelled["links"]["events"], headers={"Last-Event-ID": sent.encode("latin-1")})
 
