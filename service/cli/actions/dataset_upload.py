@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from model_store import ModelStore
+from service.cli.actions.dataset_findings import tell_findings
 from service.cli.failures import RefusedError, UsageError
 from service.cli.views.file_progress import Report
 from service.datasets import RejectedDatasetError
@@ -46,6 +47,7 @@ def upload(asked: Upload, store: ModelStore, actor: str, progress: Report) -> Up
             progress=progress,
         )
     except RejectedDatasetError as error:
+        tell_findings(error.report.findings)
         raise RefusedError(str(error)) from error
 
 

@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from service.cli import options
+from service.cli.actions.dataset_findings import tell_findings
 from service.cli.failures import ExitCode, RefusedError, UsageError
 from service.cli.output import make_table, note, print_answer, print_json
 from service.cli.store_access import open_store
@@ -186,8 +187,7 @@ def import_runs(
             )
     except RejectedDatasetError as error:
         raise RefusedError(f"{error} (`rover-twin datasets validate {folder}` lists all reasons)") from error
-    for finding in report.rejections:
-        note(f"rejected: {finding}")
+    tell_findings(report.findings)
     if json:
         print_json({"dataset": record.model_dump(mode="json"), "report": report.as_json()})
         return
@@ -240,8 +240,7 @@ def upload_file(
     told = Upload(file, {**fields, **scenario, "strict": strict, "description": description}, dry_run)
     with file_progress("reading") as progress:
         result = upload(told, open_store(store, create=not dry_run), options.actor_name(actor), progress)
-    for finding in result.report.findings:
-        note(f"{'rejected' if finding.rejects else 'note'}: {finding}")
+    tell_findings(result.report.findings)
     if json:
         print_json(
             {
