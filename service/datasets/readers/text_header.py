@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from service.datasets.columns import meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.readers.numbers import is_number, number
 from service.datasets.readers.text_lines import SplitText, is_header, split_row
 
 _SHOWN = 5
+_FEW = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +39,10 @@ def header_of(text: SplitText, *, file: str = "file") -> Header:
     before = [(at, line) for at, line in text.comments if at < text.lines[0]]
     if before:
         at, line = before[-1]
-        fitting = (names for names in _readings(line.lstrip("#/%! \t"), text) if len(names) == least)
+        first, *others = _readings(line.lstrip("#/%! \t"), text)
+        # a line with the delimiter of the rows may also name columns without values
+        readings = [first] if text.delimiter in line[1:].strip() and _fits(first, least, cells) else []
+        fitting = (*readings, *(names for names in (first, *others) if len(names) == least))
         names = next((names for names in fitting if is_header(names)), None)
         if names is not None:
             message = f"taken for the header, since it names the columns: {line[:120]!r}"
@@ -63,6 +68,8 @@ def _from_header(text: SplitText, header: str, least: int, cells: int, file: str
     noticed = _comments(text, file)
     for names in readings:
         if _fits(names, least, cells):
+            if len(split_row(header, text.delimiter)) < cells and _may_be_shifted(text):
+                break
             return Header(names, len(names), noticed)
     of_rows = (names for names in readings[: 1 if text.delimiter != " " else None] if len(names) == least - 1)
     names = next(of_rows, ())
@@ -70,6 +77,11 @@ def _from_header(text: SplitText, header: str, least: int, cells: int, file: str
         return Header(("", *names), least, noticed)
     shown = header.strip()[:120]
     message = f"the header {shown!r} does not name the {least} columns of the rows"
+    if any(_fits(names, least, cells) for names in readings):
+        message = (
+            f"the header {shown!r} names fewer columns than the {cells} of the rows: either the first one holds row "
+            "names, or the last one nothing; name all of them"
+        )
     raise UnusableFileError([reject(file, Code.HEADER_MISMATCH, message, row=int(text.lines[0])), *noticed])
 
 
@@ -113,10 +125,25 @@ def _has_row_names(text: SplitText) -> bool:
     """Whether the first column counts the rows, or names them in quotes, as pandas and R write without a header."""
     if text.quote and all(row.startswith(text.quote.encode()) for row in text.body.split(b"\n")):
         return True
-    first = [row[0].strip() for row in text.rows()]
-    return all(cell.isdecimal() for cell in first) and all(
-        int(one) < int(other) for one, other in itertools.pairwise(first)
-    )
+    return _counts(row[0] for row in text.rows())
+
+
+def _counts(cells: Iterable[str]) -> bool:
+    """Whether they are whole numbers that increase."""
+    before = -1
+    for cell in cells:
+        if not cell.strip().isdecimal() or int(cell) <= before:
+            return False
+        before = int(cell)
+    return True
+
+
+def _may_be_shifted(text: SplitText) -> bool:
+    """Whether the first column may count the rows, and the second one be the time. Few rows are no run."""
+    if len(text.lines) < _FEW or not _counts(row[0] for row in text.rows()):
+        return False
+    second = [row[1] if len(row) > 1 else "" for row in text.rows()]
+    return all(map(is_number, second)) and all(number(one) < number(other) for one, other in itertools.pairwise(second))
 
 
 def _comments(text: SplitText, file: str, without: int | None = None) -> tuple[Finding, ...]:

@@ -82,7 +82,9 @@ def split_text(data: bytes, *, file: str = "file", max_rows: int) -> SplitText:
     mark = asked["mark"].decode().replace("\\t", "\t") if asked else None
     body, kept, delimiter, skipped = _data_rows(body, header, mark)
     if not kept.any():
-        raise UnusableFileError([reject(file, Code.EMPTY_FILE, "no rows of numbers in it"), *noticed])
+        marked = len(comments) + len(skipped)
+        message = "no rows of numbers in it" + (f"; {marked} lines begin as comments do" if marked else "")
+        raise UnusableFileError([reject(file, Code.EMPTY_FILE, message), *noticed])
     lines = lines[kept]
     comments = [*comments, *((count + 1 + at, line) for at, line in skipped)]
     if numbers is not None:
@@ -195,19 +197,27 @@ def _row_test(plain: str | None, header: str | None, delimiter: str) -> _RowTest
     """Whether a line that begins as comments do is a row: its first column holds texts, and it has all of its cells."""
     reference = plain if plain is not None else header
     if reference is None:
-        return _RowTest(0, delimiter)
+        return _RowTest((0, 0), delimiter)
     first = split_row(header, delimiter)[0] if header is not None else ""
     holds_texts = meaning_of(first) in _TEXT_MEANINGS or plain is None or not is_number(split_row(plain, delimiter)[0])
-    return _RowTest(len(split_row(reference.strip(" "), delimiter)) if holds_texts else 0, delimiter)
+    widths = _widths(reference, delimiter)
+    return _RowTest(widths if holds_texts else (0, 0), delimiter)
 
 
 @dataclass(frozen=True, slots=True)
 class _RowTest:
-    width: int
+    widths: tuple[int, int]
     delimiter: str
 
     def __call__(self, line: str) -> bool:
-        return self.width > 0 and len(split_row(line.strip(" "), self.delimiter)) == self.width
+        cells, filled = _widths(line, self.delimiter)
+        return self.widths[0] > 0 and (cells == self.widths[0] or filled == self.widths[1])
+
+
+def _widths(row: str, delimiter: str) -> tuple[int, int]:
+    """How many cells, and how many up to the last one that has something in it."""
+    cells = split_row(row.strip(" "), delimiter)
+    return len(cells), max((at for at, cell in enumerate(cells, start=1) if cell.strip()), default=0)
 
 
 def _delimiter(body: bytes, header: str | None, mark: str | None) -> str:
