@@ -98,6 +98,13 @@ def is_ours(file: pq.ParquetFile) -> bool:
     return _META_FORMAT in metadata
 
 
+def unknown_columns(source: str) -> tuple[str, ...]:
+    """Columns of a file of ours that nobody reads."""
+    with pq.ParquetFile(source) as file:
+        known = {*_TEXTS, *_SCENARIO, *_MEASURED}
+        return tuple(name for name in file.schema_arrow.names if name not in known)
+
+
 def _schema(dataset: Dataset, present: list[str]) -> pa.Schema:
     fields = [pa.field(name, _TEXT_TYPE, nullable=False) for name in _TEXTS]
     fields += [pa.field(name, pa.float64(), nullable=False) for name in _SCENARIO]

@@ -355,6 +355,22 @@ def test_fields_of_the_form_that_files_answer_themselves_are_told(tmp_path):
     ]
 
 
+def test_a_header_that_may_be_one_column_off_is_refused(tmp_path):
+    """R leaves out the name above its row names; the last column of this one has no values."""
+    header, rows = table()
+    text = "\n".join([";".join([*header, "note"]), *(";".join([str(at), *row, ""]) for at, row in enumerate(rows))])
+    (finding,) = refused(tmp_path, text.encode(), **SCENARIO)
+    assert finding.code == "header-mismatch"
+    assert "row names" in finding.message
+
+
+def test_a_first_row_in_quotes_is_no_header(tmp_path):
+    _, rows = table()
+    text = "\n".join(",".join(f'"{cell:>12}"' for cell in row) for row in rows).encode()
+    mapping = {"time_s": 0, "rear_x_m": 1, "rear_y_m": 2, "speed_mps": 3}
+    same(read(tmp_path, text, column_map=mapping, **SCENARIO)[0].runs[0])
+
+
 def test_columns_that_do_not_belong_to_the_header_are_refused(tmp_path):
     rows = "run.csv,28,5,430,60"
     found = refused(tmp_path, packed(archive(COMMA(*table()), rows=rows)))

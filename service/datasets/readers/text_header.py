@@ -68,7 +68,8 @@ def _from_header(text: SplitText, header: str, least: int, cells: int, file: str
     noticed = _comments(text, file)
     for names in readings:
         if _fits(names, least, cells):
-            if len(split_row(header, text.delimiter)) < cells and _may_be_shifted(text):
+            written = len(split_row(header, text.delimiter))
+            if written < cells and meaning_of(names[0]) == "time_s" and _may_be_shifted(text):
                 break
             return Header(names, len(names), noticed)
     of_rows = (names for names in readings[: 1 if text.delimiter != " " else None] if len(names) == least - 1)

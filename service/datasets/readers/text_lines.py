@@ -161,7 +161,7 @@ def _preamble(text: bytes) -> tuple[str | None, list[tuple[int, str]], int, int]
 
 def is_header(cells: Sequence[str]) -> bool:
     """Fewer than half of the cells are numbers. (One bad cell in the first row does not make it a header.)"""
-    cells = [cell for cell in cells if cell]
+    cells = [cell for cell in cells if cell.strip("\"'")]
     return sum(is_number(cell) for cell in cells) * 2 < len(cells)
 
 
@@ -229,10 +229,12 @@ def _delimiter(body: bytes, header: str | None, mark: str | None) -> str:
         return mark
     row = body.split(b"\n", 1)[0].decode()
     if header is not None:
-        widths = {mark: len(split_row(row, mark)) for mark in _DELIMITERS}
-        alike = [mark for mark, width in widths.items() if width == len(split_row(header, mark)) > 1]
+        widths = {mark: (_widths(row, mark), _widths(header, mark)) for mark in _DELIMITERS}
+        alike = [
+            mark for mark, (one, other) in widths.items() if one[1] > 1 and (one[0] == other[0] or one[1] == other[1])
+        ]
         if alike:
-            return max(alike, key=lambda mark: widths[mark])
+            return max(alike, key=lambda mark: widths[mark][0][1])
     bare = re.sub(r'"[^"]*"', "", row)
     return next((mark for mark in (";", ",", "|") if mark in bare), "\t" if _is_tabbed(bare) else " ")
 

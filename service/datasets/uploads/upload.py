@@ -20,7 +20,7 @@ from service.datasets.columns import canonical_name
 from service.datasets.file_names import upload_name
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.intake import Intake, Progress, run_in
-from service.datasets.parquet import read_parquet
+from service.datasets.parquet import read_parquet, unknown_columns
 from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
 from service.datasets.readers.column_map import ColumnMap
 from service.datasets.readers.folder import passport_of, read_listed, unlisted_in
@@ -190,6 +190,9 @@ class _UploadReader:
         entries = [(_entry_of(run, file), run) for run in dataset.runs]
         between = list(check_entries([entry for entry, _ in entries]))
         unused = self._unused((*SCENARIO_LIMITS, "set_name", "column_map"), "the file says it")
+        unknown = unknown_columns(str(path))
+        if unknown:
+            unused.append(warn(file, Code.IGNORED_COLUMN, f"not used: {', '.join(map(repr, unknown[:12]))}"))
         intake.findings += [*noticed, *told, *unused, *check_passport(passport), *between, *_scenario_faults(entries)]
         barred = {finding.file for finding in intake.findings if finding.rejects}
         for entry, run in entries:
