@@ -207,7 +207,7 @@ class _Condition:
 
     def __init__(self, name: str, alias: str, if_match: str | None, if_none_match: str | None) -> None:
         self.name, self.alias = name, alias
-        self.if_match, self.tags = if_match, None if if_match is None else tags_of(if_match)
+        self.tags = None if if_match is None else tags_of(if_match)
         self.absent = if_none_match is not None
         if if_none_match is not None and if_none_match.strip() != ANY:
             raise InvalidInputError(fault("If-None-Match", if_none_match, ANY))
@@ -226,10 +226,12 @@ class _Condition:
         if self.absent and seq is not None:
             raise PreconditionFailedError(f"alias {self.name}@{self.alias} {is_at}, If-None-Match demands a new one")
         if self.tags is not None and (seq is None or not {ANY, etag_of(seq)} & self.tags):
-            weak = "" if self.tags else " (a weak tag never matches; send it without W/)"
-            raise PreconditionFailedError(
-                f"alias {self.name}@{self.alias} {is_at}, If-Match is {str(self.if_match)[:100]}{weak}"
-            )
+            raise PreconditionFailedError(f"alias {self.name}@{self.alias} {is_at}, If-Match is {said_of(self.tags)}")
+
+
+def said_of(tags: set[str]) -> str:
+    """How the tags of an `If-Match` that does not hold stand in a message."""
+    return ", ".join(sorted(tags))[:100] or "a weak tag, which never matches: send it without W/"
 
 
 def tags_of(if_match: str) -> set[str]:

@@ -23,7 +23,7 @@ from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route
 from service.api.services import Services, TheServices
-from service.api.v1.aliases import ANY, IfMatch, etag_of, tags_of
+from service.api.v1.aliases import ANY, IfMatch, etag_of, said_of, tags_of
 from service.api.v1.models import MODEL_PROBLEMS, Name, Version, require_name
 
 _ETAG = {"ETag": {"schema": {"type": "string"}, "description": "Number of the change in quotes, for `If-Match`."}}
@@ -173,7 +173,7 @@ class _Change:
         if self._tags is not None and self._tags != {ANY}:
             expected = _seq(self._services.store, self._name, self._version)
             if etag_of(expected) not in self._tags:
-                place, said = f"{self._name}@{self._version}", ", ".join(sorted(self._tags))[:100]
+                place, said = f"{self._name}@{self._version}", said_of(self._tags)
                 raise PreconditionFailedError(f"{place} is at {etag_of(expected)}, If-Match is {said}")
         try:
             change(self._name, self._version, expected_seq=expected, **self._said)
