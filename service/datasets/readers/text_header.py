@@ -32,7 +32,7 @@ def header_of(text: SplitText, *, file: str = "file") -> Header:
     above the rows (as numpy.savetxt writes) serves as header when its cells fit one to one. Raises UnusableFileError
     when there is a header that does not name the columns.
     """
-    cells = len(next(text.rows()))
+    cells = len(text.first)
     least = cells - _empty_at_the_end(text, cells)
     if text.header is not None:
         return _from_header(text, text.header, least, cells, file)
@@ -112,7 +112,7 @@ def _empty_at_the_end(text: SplitText, cells: int) -> int:
         if not (text.body.endswith(tail) and text.body.count(tail + b"\n") == rows):
             break
         ending += 1
-    first = next(text.rows())
+    first = text.first
     if ending + 1 < cells and mark != b" " and not first[cells - 1 - ending].strip():
         # spaces or quotes without content; a last row that is cut off is told of by whoever reads the cells
         while ending + 1 < cells and all(
@@ -141,7 +141,7 @@ def _counts(cells: Iterable[str]) -> bool:
 
 def _may_be_shifted(text: SplitText) -> bool:
     """Whether the first column may count the rows, and the second one be the time. Few rows are no run."""
-    if len(text.lines) < _FEW or not _counts(row[0] for row in text.rows()):
+    if len(text.lines) < _FEW or not _counts(text.first[:1]) or not _counts(row[0] for row in text.rows()):
         return False
     second = [row[1] if len(row) > 1 else "" for row in text.rows()]
     return all(map(is_number, second)) and all(number(one) < number(other) for one, other in itertools.pairwise(second))

@@ -49,6 +49,11 @@ class SplitText:
     comments: tuple[tuple[int, str], ...]
     noticed: tuple[Finding, ...]
 
+    @property
+    def first(self) -> list[str]:
+        """The cells of the first row."""
+        return split_row(self.body.split(b"\n", 1)[0].decode(), self.delimiter, self.quote)
+
     def rows(self) -> Iterator[list[str]]:
         """The cells of each row."""
         for row in self.body.split(b"\n"):

@@ -41,7 +41,7 @@ class TextTable:
         header = header_of(text, file=file)
         self._text, self.file = text, file
         self.names, self.width, self.noticed = header.names, header.width, header.noticed
-        self._cells = len(next(text.rows()))
+        self._cells = len(text.first)
 
     @property
     def lines(self) -> Lines:
