@@ -16,7 +16,7 @@ from service.datasets import RejectedDatasetError, read_folder
 from service.datasets.uploads.upload import read_upload
 from service.datasets.uploads.upload_form import UploadForm
 from tests.datasets.conftest import PASSPORT, motion
-from tests.datasets.field_cases import COMMA, WAYS, readable, with_column
+from tests.datasets.field_cases import COMMA, SPACE, WAYS, readable, with_column
 
 NAMES = ["time_s", "rear_x_m", "rear_y_m", "speed_mps"]
 SCENARIO = {"slope_deg": 28.0, "mass_kg": 430.0, "torque_nm": 60.0}
@@ -362,6 +362,14 @@ def test_a_header_that_may_be_one_column_off_is_refused(tmp_path):
     (finding,) = refused(tmp_path, text.encode(), **SCENARIO)
     assert finding.code == "header-mismatch"
     assert "row names" in finding.message
+
+
+def test_times_that_count_rows_are_told_where_a_missing_cell_would_leave_no_trace(tmp_path):
+    header, rows = table()
+    rows = [[str(at), f"{0.1 * at:g}", row[2]] for at, row in enumerate(rows)]
+    dataset, report = read(tmp_path, SPACE(header[:3], rows), **SCENARIO)
+    assert dataset.runs[0].time_s[-1] == 40
+    assert [(f.code, f.column) for f in report.findings] == [("header-mismatch", "time_s")]
 
 
 def test_a_first_row_in_quotes_is_no_header(tmp_path):

@@ -68,9 +68,12 @@ def _from_header(text: SplitText, header: str, least: int, cells: int, file: str
     noticed = _comments(text, file)
     for names in readings:
         if _fits(names, least, cells):
-            written = len(split_row(header, text.delimiter))
-            if written < cells and meaning_of(names[0]) == "time_s" and _may_be_shifted(text):
+            shifted = meaning_of(names[0]) == "time_s" and _may_be_shifted(text)
+            if shifted and len(split_row(header, text.delimiter)) < cells:
                 break
+            if shifted and text.delimiter == " ":  # where a cell without a value leaves no trace
+                message = "counts the rows: if these are row names, not times, write a name above them"
+                noticed = (*noticed, warn(file, Code.HEADER_MISMATCH, message, column=names[0]))
             return Header(names, len(names), noticed)
     of_rows = (names for names in readings[: 1 if text.delimiter != " " else None] if len(names) == least - 1)
     names = next(of_rows, ())
