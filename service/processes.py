@@ -98,7 +98,7 @@ class _Processes:
         settings = _handed_down(self._settings, index)
         task = json.dumps({"index": index, "listener": listener, "folder": self._folder, "settings": settings}).encode()
         try:
-            async with child.started("service.app:run_process", task=task, pass_fds=[listener]) as process:
+            async with child.started("service.server:run_process", task=task, pass_fds=[listener]) as process:
                 self._running[index] = process
                 if self._ending.is_set():  # the signal came while it started
                     process.terminate()

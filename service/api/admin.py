@@ -13,7 +13,7 @@ from starlette.types import ASGIApp, Receive, Send
 from starlette.types import Scope as AsgiScope
 
 from service.access.tokens import Identity, Scope
-from service.api.http.connection import HEALTH_PATHS
+from service.api.http.connections.connection import HEALTH_PATHS
 from service.api.http.errors import ErrorAnswers, own_path
 from service.api.http.exceptions import (
     AdminOffError,

@@ -14,10 +14,10 @@ from pydantic.json_schema import SkipJsonSchema
 
 from model_store import StoreError
 from service.api.http.exceptions import NotReadyError
+from service.api.http.limits.worker_threads import OverloadedError
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route
-from service.api.http.worker_threads import OverloadedError
 from service.api.services import Services, TheServices
 from service.errors import RoverTwinError
 from service.twin import Loaded

@@ -13,9 +13,9 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 
 from service.api.http.instruments import PREFIX
+from service.api.http.limits.worker_threads import OverloadedError
 from service.api.http.openapi import problem_responses
 from service.api.http.reading import Route
-from service.api.http.worker_threads import OverloadedError
 from service.api.services import Services, TheServices
 from service.errors import JobsUnavailableError
 

@@ -11,13 +11,13 @@ from fastapi import Depends, Request
 
 from model_store import Manifest, ModelStore, StoreUnavailableError
 from service.api.access import Access
+from service.api.http.connections.web_sockets import Connections
 from service.api.http.event_stream import MOST_LISTENERS
 from service.api.http.instruments import Instruments
-from service.api.http.kept import Kept
-from service.api.http.pace import Pace
+from service.api.http.limits.kept import Kept
+from service.api.http.limits.pace import Pace
+from service.api.http.limits.worker_threads import WorkerThreads
 from service.api.http.statistics import Statistics
-from service.api.http.web_sockets import Connections
-from service.api.http.worker_threads import WorkerThreads
 from service.errors import JobsUnavailableError
 from service.fmu import FmuCache
 from service.jobs.audit import AuditLog

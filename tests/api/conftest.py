@@ -23,7 +23,7 @@ import uvicorn
 from model_store import WEIGHTS, Lineage, ManifestDraft, ModelStore
 from service.api.http.instruments import Instruments
 from service.api.services import Lifecycle
-from service.app import create_app, make_server
+from service.app import create_app
 from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
 from service.learning.network.inputs import InputSignature
@@ -32,6 +32,7 @@ from service.learning.network.residuals import make_residual
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.priors import make_prior
 from service.physics.scenario import Scenarios
+from service.server import make_server
 from service.settings import Settings
 from tests.twin.published import publish_banded
 
@@ -208,7 +209,7 @@ def process_serving(store: ModelStore, **settings: object) -> Iterator[tuple[htt
             process.kill()
 
 
-RUN = "from service.app import run_server; from service.settings import load_settings; run_server(load_settings())"
+RUN = "from service.server import run_server; from service.settings import load_settings; run_server(load_settings())"
 
 
 def wait_until(condition: Callable[[], bool], process: subprocess.Popen[str], timeout_s: float = 60.0) -> None:

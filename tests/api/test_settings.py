@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import model_store
-from service.app import run_server
+from service.server import run_server
 from service.settings import PREFIX, Settings, SettingsError, load_settings, require_tokens
 
 

@@ -21,7 +21,8 @@ import json, socket, sys, threading, time
 import httpx
 from service.api.services import Lifecycle
 from service.api.http.instruments import Instruments
-from service.app import create_app, make_server
+from service.app import create_app
+from service.server import make_server
 from service.settings import Settings
 
 MAP = {"mass_kg": 430, "torque_min_nm": 30, "torque_max_nm": 120, "torque_steps": 2, "slope_min_deg": 10,

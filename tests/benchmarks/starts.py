@@ -56,7 +56,7 @@ def _seconds(code: str) -> float:
 
 def _imports() -> Counter[str]:
     """Milliseconds of importing what `serve` imports before it starts, by top-level package."""
-    code = "import service.cli.main, service.app, uvloop, httptools, uvicorn.protocols.http.httptools_impl"
+    code = "import service.cli.main, service.server, uvloop, httptools, uvicorn.protocols.http.httptools_impl"
     command = [sys.executable, "-X", "importtime", "-c", code]
     with running_on(SERVER_CPU):
         done = subprocess.run(command, check=True, capture_output=True, text=True, env=dict(os.environ))

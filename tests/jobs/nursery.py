@@ -171,7 +171,7 @@ def _tell_steps() -> None:
 
 
 def _serve(order: dict[str, Any]) -> None:
-    from service.app import run_server
+    from service.server import run_server
     from service.settings import Settings
 
     tempfile.tempdir = order["temporary"]
@@ -186,14 +186,11 @@ def _main() -> None:
     import pyarrow.parquet  # noqa: F401 - the first job would import it
     import torch
 
-    import service.jobs.worker
-
     weight = torch.nn.Parameter(torch.zeros(1))
     weight.grad = torch.ones(1)
     torch.optim.Adam([weight]).step()  # torch imports the larger half of itself at the first step
     if "apis" in sys.argv:
-        import service.app
-        import service.jobs.database  # noqa: F401
+        pass
 
     for line in sys.stdin:
         pid = os.fork()

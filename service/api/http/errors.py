@@ -47,10 +47,10 @@ from service.api.http.exceptions import (
     UnsupportedMediaTypeError,
     UploadStalledError,
 )
+from service.api.http.limits.worker_threads import ClientGoneError, OverloadedError
 from service.api.http.negotiation import NotAcceptableError
 from service.api.http.openapi import openapi_of
 from service.api.http.problems import PROBLEM_MEDIA_TYPE, PROBLEMS, Slug
-from service.api.http.worker_threads import ClientGoneError, OverloadedError
 from service.datasets.file_names import printable
 from service.datasets.findings import Finding
 from service.datasets.report import RejectedDatasetError

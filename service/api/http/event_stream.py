@@ -8,7 +8,7 @@ import anyio
 from sse_starlette import EventSourceResponse, ServerSentEvent
 from starlette.types import Receive, Scope, Send
 
-from service.api.http.worker_threads import OverloadedError
+from service.api.http.limits.worker_threads import OverloadedError
 
 HEARTBEAT_S = 15.0
 MOST_LISTENERS = 32

@@ -19,7 +19,7 @@ from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
 from service.api.http.exceptions import MalformedUploadError, UploadStalledError
-from service.api.http.worker_threads import OverloadedError
+from service.api.http.limits.worker_threads import OverloadedError
 from service.datasets.file_names import printable
 from service.errors import NO_ROOM, StorageFullError
 from service.wire.faults import InvalidInputError, fault

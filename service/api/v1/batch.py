@@ -11,8 +11,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 from starlette.responses import StreamingResponse
 
-from service.api.http.answer_bytes import TEXT_BYTES, Room
 from service.api.http.delivery import Delivery
+from service.api.http.limits.answer_bytes import TEXT_BYTES, Room
 from service.api.http.many_problems import problems_of
 from service.api.http.negotiation import choose
 from service.api.http.openapi import inlined_schema, problem_responses

@@ -21,8 +21,8 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import Message, Receive, Scope, Send
 
 from service.api.http.errors import problem, problem_members, told
+from service.api.http.limits.worker_threads import OverloadedError
 from service.api.http.reading import parsed
-from service.api.http.worker_threads import OverloadedError
 from service.api.services import Services
 from service.api.v1.stepping import BYTES_AT_ONCE, SECONDS_AT_ONCE, Stepping, problems, rover_problem
 from service.wire.steps.answer import encode_one, encode_steps

@@ -59,7 +59,7 @@ def serve(
     All of a machine with four processors:
       rover-twin serve --workers 4
     """
-    from service.app import run_server
+    from service.server import run_server
     from service.settings import load_settings
 
     settings = load_settings(

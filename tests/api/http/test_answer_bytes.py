@@ -7,8 +7,8 @@ import random
 
 import pytest
 
-from service.api.http.answer_bytes import WaitingBytes
-from service.api.http.worker_threads import OverloadedError
+from service.api.http.limits.answer_bytes import WaitingBytes
+from service.api.http.limits.worker_threads import OverloadedError
 
 
 @pytest.mark.parametrize("seed", range(5))

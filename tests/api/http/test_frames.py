@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from websockets.frames import Frame, Opcode
 from websockets.streams import StreamReader
 
-from service.api.http.frames import LONGEST_BYTES, framed, whole_message
+from service.api.http.connections.frames import LONGEST_BYTES, framed, whole_message
 
 KINDS = st.sampled_from([Opcode.TEXT, Opcode.BINARY])
 LENGTHS = st.integers(0, 400) | st.sampled_from([125, 126, LONGEST_BYTES])

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from service.api.http.pace import Pace
+from service.api.http.limits.pace import Pace
 
 
 class Clock:

@@ -7,8 +7,8 @@ import socket
 from itertools import pairwise
 from typing import Any
 
-from service.api.http.accepting import Acceptor
-from service.api.http.turns import Turns
+from service.api.http.connections.accepting import Acceptor
+from service.api.http.connections.turns import Turns
 
 
 def test_requests_begin_in_order_a_few_in_a_round() -> None:

@@ -215,7 +215,7 @@ def test_a_database_that_fails_ends_the_stream_and_not_the_service(tmp_path, mon
 
 
 def test_a_stream_lasts_an_hour_at_most_and_can_be_taken_up_again(admin, monkeypatch):
-    monkeypatch.setattr("service.api.v1.job_events.LONGEST_STREAM_S", 0.0)
+    monkeypatch.setattr("service.api.v1.admin.job_events.LONGEST_STREAM_S", 0.0)
     job = submit(admin)
 
     assert states(read(admin, job)) == [(0, "queued")]

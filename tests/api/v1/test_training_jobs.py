@@ -10,8 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from service.api.http.reading import words_of
-from service.api.v1.idempotency import parse_key
-from service.api.v1.job_answers import JobAnswer, JobsAnswer
+from service.api.v1.admin.idempotency import parse_key
+from service.api.v1.admin.job_answers import JobAnswer, JobsAnswer
 from service.errors import InvalidValueError
 from service.jobs.request import TrainingJobRequest
 from tests.api.training import ADDRESS, ASKED, HEADERS, admin_client, job_store, submit

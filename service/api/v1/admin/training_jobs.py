@@ -18,8 +18,8 @@ from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import words_of
 from service.api.services import Services, TheServices
-from service.api.v1.idempotency import idempotency_key
-from service.api.v1.job_answers import (
+from service.api.v1.admin.idempotency import idempotency_key
+from service.api.v1.admin.job_answers import (
     ADDRESS,
     EXAMPLE,
     STREAM_EXAMPLE,
@@ -31,7 +31,7 @@ from service.api.v1.job_answers import (
     page_of,
     text_of,
 )
-from service.api.v1.job_events import follow, new_events, read_log
+from service.api.v1.admin.job_events import follow, new_events, read_log
 from service.errors import InvalidValueError, JobNotFoundError, JobsUnavailableError
 from service.jobs.job import JobState, TrainingJob
 from service.jobs.queue import JobQueue

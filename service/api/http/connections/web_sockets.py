@@ -18,7 +18,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from websockets.protocol import State
 from websockets.streams import StreamReader
 
-from service.api.http.frames import LONGEST_BYTES, framed, whole_message
+from service.api.http.connections.frames import LONGEST_BYTES, framed, whole_message
 
 _LINGER_S = 2.0
 _BETWEEN_FRAMES = StreamReader.at_eof.__code__  # where the library's parser waits with nothing of a frame there

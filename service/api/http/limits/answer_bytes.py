@@ -17,7 +17,7 @@ from fastapi import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.http.errors import ErrorAnswers, own_path
-from service.api.http.worker_threads import ClientGoneError, OverloadedError
+from service.api.http.limits.worker_threads import ClientGoneError, OverloadedError
 
 TEXT_BYTES = 20
 """Of a number in JSON, with what stands between it and the next."""

@@ -15,7 +15,7 @@ import anyio
 import anyio.to_thread
 from starlette.requests import Request
 
-from service.api.http.pace import Pace
+from service.api.http.limits.pace import Pace
 from service.errors import RoverTwinError
 
 Result = TypeVar("Result")

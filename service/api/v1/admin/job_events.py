@@ -10,9 +10,9 @@ import structlog
 from sse_starlette import ServerSentEvent
 
 from service.api.http.event_stream import reconnect_after, server_sent_event
-from service.api.http.worker_threads import OverloadedError
+from service.api.http.limits.worker_threads import OverloadedError
 from service.api.services import Services
-from service.api.v1.job_answers import LogLine, is_last, line_of
+from service.api.v1.admin.job_answers import LogLine, is_last, line_of
 from service.errors import JobError
 from service.jobs.job import ENDED, JobEvent
 from service.jobs.queue import JobQueue

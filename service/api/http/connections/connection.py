@@ -24,9 +24,9 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 from uvicorn.server import ServerState
 
+from service.api.http.connections.turns import Turns
 from service.api.http.exceptions import HeadTooLargeError, HeadTooSlowError, MalformedHeadError
-from service.api.http.turns import Turns
-from service.api.http.worker_threads import OverloadedError
+from service.api.http.limits.worker_threads import OverloadedError
 
 # These are answered on whatever connection is left: an orchestrator must never take a busy service for a dead one.
 HEALTH_PATHS = frozenset({"/health/live", "/health/ready", "/v2/health/live", "/v2/health/ready"})

@@ -25,13 +25,13 @@ from model_store import (
     layout,
 )
 from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute, require_admin
+from service.api.http.limits.worker_threads import OverloadedError
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import query_pairs
 from service.api.http.upload_body import receive_upload, upload_folder
-from service.api.http.worker_threads import OverloadedError
 from service.api.services import Services, TheServices
-from service.api.v1.dataset_answers import (
+from service.api.v1.admin.dataset_answers import (
     ADDRESS,
     DatasetAnswer,
     DatasetEntry,
@@ -40,7 +40,7 @@ from service.api.v1.dataset_answers import (
     UploadAnswer,
     entry_of,
 )
-from service.api.v1.upload_fields import OPENAPI, asked_for
+from service.api.v1.admin.upload_fields import OPENAPI, asked_for
 from service.datasets.passport import PASSPORT_FILE
 from service.errors import JobError
 from service.jobs.dataset_users import delete_unused, jobs_of

@@ -23,7 +23,7 @@ from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route
 from service.api.services import Services, TheServices
-from service.api.v1.aliases import ANY, IfMatch, etag_of, said_of, tags_of
+from service.api.v1.admin.aliases import ANY, IfMatch, etag_of, said_of, tags_of
 from service.api.v1.models import MODEL_PROBLEMS, Name, Version, require_name
 
 _ETAG = {"ETag": {"schema": {"type": "string"}, "description": "Number of the change in quotes, for `If-Match`."}}
