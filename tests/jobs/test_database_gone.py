@@ -120,9 +120,13 @@ def test_an_admin_call_that_is_being_recorded_meanwhile_is_refused(path, spoil):
     log = AuditLog(f"sqlite:///{path}", 365)
     log.begin(ATTEMPT)
 
-    with pytest.raises(AuditUnavailableError), log._connected() as connection:
-        spoil(path)
-        connection.exec_driver_sql("UPDATE rover_twin_audit SET status = 200")
+    def record_and_spoil():
+        with log._connected() as connection:
+            spoil(path)
+            connection.exec_driver_sql("UPDATE rover_twin_audit SET status = 200")
+
+    with pytest.raises(AuditUnavailableError):
+        record_and_spoil()
 
 
 def test_a_file_that_comes_back_has_the_same_audit_log(path):
@@ -139,7 +143,7 @@ def test_a_file_that_comes_back_has_the_same_audit_log(path):
 
 
 def test_a_log_that_others_make_anew_convinces_nobody(queue, path):
-    """The audit log connects by name: SQLite then makes the log that was deleted anew, with nothing of what was in it."""
+    """The audit log connects by name: SQLite then makes the deleted log anew, with nothing of what was in it."""
     audit = AuditLog(f"sqlite:///{path}", 365)
     audit.begin(ATTEMPT)
     submit(queue)
