@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import structlog
 
-from service.errors import AuditUnavailableError
+from service.errors import AuditUnavailableError, JobsDatabaseGoneError
+from service.jobs.database_file import DatabaseFile
 
 if TYPE_CHECKING:
     import sqlalchemy as sa
@@ -68,7 +69,8 @@ class AuditLog:
     """The table, in the database at `url` (sqlite:///file or postgresql://...). Safe to share between threads.
 
     Every method blocks, about 4 s at most unless the system stops answering, and raises AuditUnavailableError when the
-    database is down, slow, or not writable. Nothing is opened before the first call.
+    database is down, slow, not writable, or a file that was deleted or replaced since. Nothing is opened before the
+    first call.
     """
 
     def __init__(self, url: str, kept_days: int) -> None:
@@ -76,6 +78,7 @@ class AuditLog:
         self._kept_days = kept_days
         self._lock = threading.Lock()
         self._engine: sa.Engine | None = None
+        self._file: DatabaseFile | None = None
         self._prepared = False
         self._forgot_at = -_FORGET_EVERY_S
 
@@ -139,22 +142,58 @@ class AuditLog:
 
     @contextmanager
     def _connected(self) -> Iterator[sa.Connection]:
-        """A transaction, in a database that has the table."""
+        """A transaction, in a database that has the table. What it wrote is where the next process finds it."""
         import sqlalchemy as sa  # noqa: PLC0415 - a service without admin calls need not wait for it
 
         try:
             with self._lock:
                 engine = self._engine = self._engine or _make_engine(self._url)
-            with engine.begin() as connection:
+            if self._file is not None:
+                self._file.require()  # else connecting would make it anew
+            with _connection(engine, self._file_of) as connection:
                 if not self._prepared:
-                    _prepare(connection)
-                yield connection
-            # a file may be deleted while it is used; a table in a server is not
-            self._prepared = engine.dialect.name == "postgresql"
+                    with connection.begin():
+                        _prepare(connection)
+                    self._prepared = True
+                with connection.begin():
+                    yield connection
+                self._file_of(engine).require(written=_changed_rows(connection))
+        except JobsDatabaseGoneError as error:
+            raise AuditUnavailableError(str(error)) from error
         except (sa.exc.SQLAlchemyError, OSError) as error:
             cause = getattr(error, "orig", None) or error
             reason = _SECRETS.sub("", str(cause).strip().partition("\n")[0])[:200]
             raise AuditUnavailableError(f"the database of the audit log does not answer: {reason}") from error
+
+    def _file_of(self, engine: sa.Engine) -> DatabaseFile:
+        """The file as the first connection found it."""
+        with self._lock:
+            self._file = self._file or DatabaseFile(engine, keeps_open=False)
+            return self._file
+
+
+def _changed_rows(connection: sa.Connection) -> bool:
+    """Whether a connection to SQLite has changed any row: else the log may be empty."""
+    return int(getattr(connection.connection.driver_connection, "total_changes", 0)) > 0
+
+
+_LEFT_OPEN: list[Any] = []
+
+
+@contextmanager
+def _connection(engine: sa.Engine, file_of: Callable[[sa.Engine], DatabaseFile]) -> Iterator[sa.Connection]:
+    """A connection, closed unless its file is gone: see `DatabaseFile`."""
+    connection = engine.connect()
+    try:
+        file_of(engine).require()
+        yield connection
+    finally:
+        try:
+            file_of(engine).require()
+        except JobsDatabaseGoneError:
+            _LEFT_OPEN.append(connection)
+        else:
+            connection.close()
 
 
 def _make_engine(url: str) -> sa.Engine:

@@ -22,6 +22,7 @@ from dbos import DBOSClient, DBOSPortableJSONSerializer, EnqueueOptions, Workflo
 from dbos import error as dbos_errors
 
 from service.errors import JobsDatabaseGoneError, JobsUnavailableError, QueueFullError
+from service.jobs.database_file import DatabaseFile
 from service.jobs.failure import JobFailedError
 from service.jobs.job import APPLICATION, APPLICATION_VERSION, EVENTS, QUEUE, STATUS, WORKFLOW
 
@@ -84,41 +85,6 @@ def wait_for_server(engine: sa.Engine, ending: threading.Event) -> None:
 
     if engine.dialect.name == "postgresql":
         sa.event.listen(engine, "do_connect", connect)
-
-
-class DatabaseFile:
-    """The file of a SQLite database as it was when it was opened; on PostgreSQL there is none.
-
-    Whoever deletes or replaces the file leaves open connections with one that nobody will ever find again: what is
-    written there is lost with the last of them. Nor may that one be closed: SQLite would remove the log of the new
-    file, which has the same name. So a process that meets this refuses everything until it is started again.
-    """
-
-    def __init__(self, engine: sa.Engine) -> None:
-        name = engine.url.database if engine.dialect.name == "sqlite" else None
-        self._path = Path(name).absolute() if name else None
-        self._opened = self._identity()
-
-    def require(self, *, written: bool = False) -> None:
-        """Raises JobsUnavailableError unless the file is still there; after writing, its log has to be there, too."""
-        if self._path is None:
-            return
-        if self._identity() != self._opened:
-            raise JobsDatabaseGoneError(
-                f"the jobs database {self._path} was deleted or replaced while it was in use; put it back if it was "
-                "moved, else restart the service: it begins a new one"
-            )
-        if written and not self._path.with_name(f"{self._path.name}-wal").exists():
-            raise JobsDatabaseGoneError(f"the log of the jobs database {self._path} was deleted while it was in use")
-
-    def _identity(self) -> tuple[int, int] | None:
-        if self._path is None:
-            return None
-        try:
-            found = self._path.stat()
-        except OSError:
-            return None
-        return found.st_dev, found.st_ino
 
 
 class JobsDatabase:

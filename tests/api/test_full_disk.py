@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import os
-import subprocess
 from contextlib import contextmanager
 
 import numpy as np
@@ -15,27 +14,11 @@ from tests.api.chrono_uploads import archive
 from tests.api.conftest import move_alias as move
 from tests.api.conftest import process_serving, publish_version
 from tests.api.training import HEADERS, TOKEN
+from tests.small_disk import fill, small_disk
 
 pytestmark = pytest.mark.processes
 
 DATASETS = "/v1/admin/datasets"
-
-
-@contextmanager
-def small_disk(folder, size):
-    """A file system of its own with so much room; skips where it cannot be mounted."""
-    folder.mkdir(exist_ok=True)
-    command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
-    try:
-        mounted = subprocess.run(command, capture_output=True, check=False).returncode == 0
-    except OSError:
-        mounted = False
-    if not mounted:
-        pytest.skip("no file system can be mounted here")
-    try:
-        yield folder
-    finally:
-        subprocess.run(["umount", "-l", str(folder)], check=False)
 
 
 @contextmanager
@@ -82,13 +65,7 @@ def test_no_room_in_the_store(tmp_path):
         store = ModelStore.open(str(folder), create=True)
         move(store, publish_version(store))
         with service(store, tmp_path) as client:
-            filler = folder / "filler"
-            with filler.open("wb", buffering=0) as sink:
-                try:
-                    while True:
-                        sink.write(b"x" * 4096)
-                except OSError:
-                    pass
+            filler = fill(folder)
             before = files_of(folder)
 
             for _ in range(2):

@@ -8,6 +8,7 @@ from typing import Any
 from model_store import AliasNotFoundError, AliasRecord, CorruptArtefactError, ModelNotFoundError, StoreError
 from service.datasets.passport import PASSPORT_FILE
 from service.errors import JobNotFoundError
+from service.jobs.audit import MOST_LISTED, AuditLog
 from service.jobs.job import TrainingJob
 from service.training.gate import compare
 from service.training.stored_dataset import RUNS_FILE
@@ -22,8 +23,9 @@ HALF = "half versions"
 DOUBLE = "double versions"
 ALIAS = "wrong alias"
 WEIGHTS = "other weights"
+AUDIT = "not on record"
 LEFT = "left over"
-COLUMNS = (UPLOAD_LOST, JOB_LOST, STUCK, FAILED, HALF, DOUBLE, ALIAS, WEIGHTS, LEFT)
+COLUMNS = (UPLOAD_LOST, JOB_LOST, STUCK, FAILED, HALF, DOUBLE, ALIAS, WEIGHTS, AUDIT, LEFT)
 _TIDY_S = 30.0
 _SERVED_S = 10.0
 
@@ -75,13 +77,29 @@ def check_move(
         return {ALIAS: f"{moved} went from {before} to {after}, asked was for {version}"}
     if acknowledged is not None and [record.seq for record in made] != [acknowledged]:
         return {ALIAS: f"move {acknowledged} of {moved} was acknowledged, there is {made}"}
-    if not made and until(lambda: world.move(moved, version, len(before)), 30, "a move") != len(before) + 1:
-        return {ALIAS: f"asked for again, {moved} did not move to {version}"}
+    if not made:
+        # 0: the call that nobody was told of went on, and came first
+        again = until(lambda: world.move(moved, version, len(before)) is not None, 30, "a move")
+        if not again or [record.version for record in world.moves_of(moved)[len(before) :]] != [version]:
+            return {ALIAS: f"asked for again, {moved} did not move to {version}"}
     try:
         until(lambda: world.served_version(moved) == version, _SERVED_S)
     except AssertionError:
         return {ALIAS: f"{moved} is {version}, served is {world.served_version(moved)}"}
     return {}
+
+
+def check_audit(world: World) -> dict[str, str]:
+    """Each call that was acknowledged since the last look is on record, with that status or none yet."""
+    asked = dict(world.acknowledged)
+    world.acknowledged.clear()
+    log, before, missing = AuditLog(world.url, 365), None, dict(asked)
+    while missing and (page := log.page(limit=MOST_LISTED, before=before)):
+        before = page[-1].id
+        for row in page:
+            if row.status in (None, asked.get(row.request_id)):
+                missing.pop(row.request_id, None)
+    return {AUDIT: str(missing)} if missing else {}
 
 
 def check_leftovers(world: World) -> dict[str, str]:

@@ -26,7 +26,7 @@ from typing import Any
 
 from tests.api.chrono_uploads import archive
 from tests.databases import start_postgres
-from tests.faults.crash_checks import COLUMNS, check_dataset, check_job, check_leftovers, check_move
+from tests.faults.crash_checks import COLUMNS, check_audit, check_dataset, check_job, check_leftovers, check_move
 from tests.faults.crash_world import Steps, World
 from tests.jobs.nursery import Nursery, until
 
@@ -168,6 +168,7 @@ class Executioner:
             phases, found = self._move_round(victim)
         else:
             phases, found = self._job_round(victim, aim)
+        found |= check_audit(self._world)
         for number, phase in enumerate(phases):
             self._table.count(victim, phase, self._engine, {} if number else found)
 

@@ -80,17 +80,22 @@ class Steps:
 class World:
     """The processes, and a client of each. Whatever is killed is started again by `revive`."""
 
-    def __init__(self, folder: Path, nursery: Nursery, steps: Steps, postgres: Postgres | None) -> None:
-        self.store = ModelStore.open(folder / "store", create=True)
+    def __init__(
+        self, folder: Path, nursery: Nursery, steps: Steps, postgres: Postgres | None, store_url: str | None = None
+    ) -> None:
+        self._store_url = store_url or str(folder / "store")
+        self.store = ModelStore.open(self._store_url, create=True)
         self.dataset = put_dataset(self.store, "unit", stored_runs())
         self.postgres = postgres
         self.steps = steps
         self.temporary = folder / "temporary"
-        self.temporary.mkdir()
-        self._folder = folder
+        self.temporary.mkdir(exist_ok=True)
+        self.jobs_file = folder / "jobs" / "jobs.sqlite"  # unless it is in PostgreSQL
         self._nursery = nursery
-        self._url = postgres.new_database() if postgres else f"sqlite:///{folder / 'jobs' / 'jobs.sqlite'}"
-        self.queue = JobQueue.open(self._url, 1000)
+        self.url = postgres.new_database() if postgres else f"sqlite:///{self.jobs_file}"
+        self.queue = JobQueue.open(self.url, 1000)
+        self.acknowledged: list[tuple[str, int]] = []  # id and status of each call that was, until they are looked up
+        self.refused = 0  # calls that were answered 503 or 507
         with socket.create_server(("127.0.0.1", 0)) as listener:
             self._port = listener.getsockname()[1]
         self._lives: dict[str, WorkerProcess] = {}
@@ -143,8 +148,8 @@ class World:
         else:
             self._lives[victim] = self._nursery.serve(
                 self.temporary,
-                store_url=str(self._folder / "store"),
-                jobs_database_url=self._url,
+                store_url=self._store_url,
+                jobs_database_url=self.url,
                 port=self._port,
                 admin_token=TOKEN,
                 start_worker=False,
@@ -154,7 +159,7 @@ class World:
             until(self._api_answers, 30, "the API answers")
 
     def _start_worker(self) -> None:
-        self._lives["worker"] = self._nursery.start(self._folder / "store", self._url, aloud=True)
+        self._lives["worker"] = self._nursery.start(self._store_url, self.url, aloud=True)
 
     def _keep_a_worker(self) -> None:
         """As the service does with its own: one that ended, because the database died as it began, is started again."""
@@ -171,32 +176,61 @@ class World:
         except GONE:
             return False
 
-    def submit(self, request: dict[str, Any], key: str) -> str | None:
-        """Post a job; its id once the API has acknowledged it, None when it could not."""
+    def restart(self) -> None:
+        """API and worker, after both were killed: as long as one holds a file that was deleted, none gets a new one."""
+        for change in (self.kill, self.revive):
+            for victim in ("api", "worker"):
+                change(victim)
+
+    def _told(self, method: str, address: str, **asked: Any) -> httpx.Response | None:
+        """The answer to a call that changes something; None for one that is refused for now, or never came."""
         try:
             with self.client() as client:
-                answer = client.post(JOBS, json=request, headers={"Idempotency-Key": key})
+                answer = client.request(method, address, **asked)
         except GONE:
             return None
-        if answer.status_code == 503:
+        if answer.status_code in (503, 507):
+            self.refused += 1
+            return None
+        if answer.is_success:
+            self.acknowledged.append((answer.headers["X-Request-ID"], answer.status_code))
+        return answer
+
+    def submit(self, request: dict[str, Any], key: str) -> str | None:
+        """Post a job; its id once the API has acknowledged it, None when it could not."""
+        answer = self._told("POST", JOBS, json=request, headers={"Idempotency-Key": key})
+        if answer is None:
             return None
         assert answer.status_code == 202, answer.text
         job_id: str = answer.json()["id"]
         return job_id
 
     def move(self, moved: str, version: int, seen: int) -> int | None:
-        """Point name@alias to a version if its last move is number `seen`; the move's number once acknowledged."""
+        """Point name@alias to a version if its last move is number `seen`; the move's number once acknowledged.
+
+        0 when somebody else has moved it since.
+        """
         name, _, alias = moved.partition("@")
         condition = {"If-Match": f'"{seen}"'} if seen else {"If-None-Match": "*"}
-        try:
-            with self.client() as client:
-                content = {"version": version, "reason": "by hand"}
-                answer = client.put(f"/v1/models/{name}/aliases/{alias}", json=content, headers=condition)
-        except GONE:
+        content = {"version": version, "reason": "by hand"}
+        answer = self._told("PUT", f"/v1/models/{name}/aliases/{alias}", json=content, headers=condition)
+        if answer is None:
             return None
+        if answer.status_code == 412:
+            return 0
         assert answer.status_code in (200, 201), answer.text
         seq: int = answer.json()["seq"]
         return seq
+
+    def retire(self, name: str, version: int, how: str) -> str | None:
+        """Archive or delete a version; its state once acknowledged."""
+        place = f"/v1/admin/models/{name}/versions/{version}"
+        answer = self._told("POST", f"{place}/archive") if how == "archived" else self._told("DELETE", place)
+        if answer is None:
+            return None
+        assert answer.status_code == 200, answer.text
+        state: str = answer.json()["state"]
+        return state
 
     def moves_of(self, moved: str) -> list[AliasRecord]:
         """All moves of name@alias, oldest first."""
@@ -218,10 +252,8 @@ class World:
             time.sleep(pause_s)
             yield data[len(data) // 2 :]
 
-        try:
-            with self.client() as client:
-                answer = client.post(DATASETS, content=halves())
-        except GONE:
+        answer = self._told("POST", DATASETS, content=halves())
+        if answer is None:
             return None
         assert answer.status_code in (200, 201), answer.text
         identity: str = answer.json()["id"]

@@ -82,7 +82,7 @@ class Nursery:
         self._process.stdout.close()
 
     def start(
-        self, store: Path, url: str, *, once: bool = False, deadly: bool = False, aloud: bool = False
+        self, store: Path | str, url: str, *, once: bool = False, deadly: bool = False, aloud: bool = False
     ) -> WorkerProcess:
         """A worker; a `deadly` one dies whenever it begins to run a job, one that is `aloud` says what it begins."""
         return self._order(kind="worker", store=str(store), url=url, once=once, deadly=deadly, aloud=aloud)

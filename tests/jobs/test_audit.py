@@ -131,15 +131,3 @@ def test_what_cannot_be_written_is_an_error_without_secrets(url):
         with pytest.raises(AuditUnavailableError) as caught:
             call()
         assert "secret-word" not in str(caught.value)
-
-
-def test_a_database_file_that_was_deleted_is_made_anew(tmp_path):
-    file = tmp_path / "jobs.sqlite"
-    log = AuditLog(f"sqlite:///{file}", 365)
-    log.begin(attempt())
-    for each in tmp_path.iterdir():
-        each.unlink()
-
-    number = log.begin(attempt("joe"))
-    assert [each.actor for each in AuditLog(f"sqlite:///{file}", 365).page(limit=5)] == ["joe"]
-    log.complete(number, 200)

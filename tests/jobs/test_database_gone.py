@@ -9,12 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from service.errors import JobsDatabaseGoneError, JobsUnavailableError
+from service.errors import AuditUnavailableError, JobsDatabaseGoneError, JobsUnavailableError
+from service.jobs.audit import Attempt, AuditLog
 from service.jobs.queue import JobQueue
 from service.jobs.request import TrainingJobRequest
 from tests.jobs.nursery import Nursery, until
 
 REQUEST = TrainingJobRequest(model="rover", datasets=["unit"])
+ATTEMPT = Attempt("ada", "192.0.2.1", "PUT", "/v1/models/{name}", "/v1/models/viper", "r-1")
 
 
 @pytest.fixture
@@ -97,6 +99,61 @@ def test_closing_the_old_file_leaves_the_log_of_the_new_one(queue, path):
 
         assert job in rows_of(path)
         assert submit(other) in rows_of(path)
+
+
+@pytest.mark.parametrize("spoil", [_delete, _delete_all, _replace])
+def test_the_audit_log_neither_acknowledges_nor_makes_the_file_anew(path, spoil):
+    log = AuditLog(f"sqlite:///{path}", 365)
+    number = log.begin(ATTEMPT)
+    spoil(path)
+    left = path.exists() and path.stat().st_size
+
+    for call in (lambda: log.begin(ATTEMPT), lambda: log.complete(number, 200), lambda: log.page(limit=1)):
+        with pytest.raises(AuditUnavailableError, match="deleted or replaced"):
+            call()
+    assert (path.exists() and path.stat().st_size) == left
+
+
+@pytest.mark.parametrize("spoil", [_delete, _delete_all, _replace])
+def test_an_admin_call_that_is_being_recorded_meanwhile_is_refused(path, spoil):
+    """The file goes while the transaction runs: the row is in a file without a name."""
+    log = AuditLog(f"sqlite:///{path}", 365)
+    log.begin(ATTEMPT)
+
+    def record_and_spoil():
+        with log._connected() as connection:
+            spoil(path)
+            connection.exec_driver_sql("UPDATE rover_twin_audit SET status = 200")
+
+    with pytest.raises(AuditUnavailableError):
+        record_and_spoil()
+
+
+def test_a_file_that_comes_back_has_the_same_audit_log(path):
+    log = AuditLog(f"sqlite:///{path}", 365)
+    first = log.begin(ATTEMPT)
+    path.rename(path.with_name("away"))
+    with pytest.raises(AuditUnavailableError):
+        log.begin(ATTEMPT)
+
+    path.with_name("away").rename(path)
+
+    assert [row.id for row in AuditLog(f"sqlite:///{path}", 365).page(limit=5)] == [first]
+    assert log.begin(ATTEMPT) > first
+
+
+def test_a_log_that_others_make_anew_convinces_nobody(queue, path):
+    """The audit log connects by name: SQLite then makes the deleted log anew, with nothing of what was in it."""
+    audit = AuditLog(f"sqlite:///{path}", 365)
+    audit.begin(ATTEMPT)
+    submit(queue)
+    _delete_log(path)
+
+    for _ in range(3):
+        with pytest.raises(AuditUnavailableError):
+            audit.begin(ATTEMPT)
+        with pytest.raises(JobsUnavailableError):
+            submit(queue)
 
 
 @pytest.mark.processes

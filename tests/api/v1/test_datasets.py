@@ -18,6 +18,7 @@ from service.jobs.request import TrainingJobRequest
 from service.settings import Settings
 from tests.api.chrono_uploads import PASSPORT, archive, run_text
 from tests.api.conftest import TOKEN, move_alias, publish_version
+from tests.training.stored import put_dataset, stored_runs
 
 DATASETS = "/v1/admin/datasets"
 
@@ -64,14 +65,18 @@ def test_an_upload_is_stored_under_the_digest_of_its_content_and_says_what_it_to
 @pytest.mark.processes
 def test_the_same_content_is_the_same_dataset_however_it_came(admin, stored):
     as_form = upload(admin, archive(), name="another-name")
-    as_body = upload_raw(admin, archive(), name="a-third-name", filename="x.zip")
+    as_body = upload_raw(admin, archive(), name="the-third-name", filename="x.zip")
 
-    for answer in (as_form, as_body):
+    known = ["stored"]
+    for answer, name in ((as_form, "another-name"), (as_body, "the-third-name")):
         assert answer.status_code == 200
         assert "location" not in answer.headers
         again = answer.json()
         assert (again["id"], again["created"], again["stored"]) == (stored["id"], False, True)
-        assert again["name"] == "stored"
+        assert (again["name"], again["already_known_as"]) == (name, known)
+        known.append(name)
+        assert admin.get(f"{DATASETS}/{name}").json()["id"] == stored["id"]
+    assert admin.get(stored["links"]["self"]).json()["names"] == known
 
 
 @pytest.mark.processes
@@ -392,16 +397,19 @@ def test_a_dataset_that_a_job_waits_for_stays_until_the_job_has_ended(admin):
 
 
 @pytest.mark.processes
-def test_without_the_jobs_database_nothing_is_deleted(serve, tmp_path):
+def test_without_the_jobs_database_nothing_is_changed(serve, store, tmp_path):
+    """It has the audit log: what cannot be put on record is not done. What is there can be looked at."""
+    there = put_dataset(store, "unit", stored_runs())
     database = tmp_path / "no-folder" / "jobs.sqlite"
     database.parent.write_text("a file where a folder belongs")
     service = serve(admin_token=TOKEN, start_worker=False, jobs_database_url=f"sqlite:///{database}")
     service.client.headers["Authorization"] = f"Bearer {TOKEN}"
-    taken = upload(service, archive()).json()
 
-    assert service.get(taken["links"]["self"]).json()["used_by"]["jobs"] is None
-    assert service.client.delete(taken["links"]["self"]).status_code == 503
-    assert service.store.dataset_ids() == [taken["id"]]
+    assert service.get(f"{DATASETS}/{there}").json()["used_by"]["jobs"] is None
+    for answer in (upload(service, archive()), service.client.delete(f"{DATASETS}/{there}")):
+        assert answer.status_code == 503, answer.text
+        assert answer.json()["type"] == "urn:rover-twin:problem:audit-unavailable"
+    assert service.store.dataset_ids() == [there]
 
 
 @pytest.mark.processes

@@ -44,7 +44,8 @@ class UploadAnswer(BaseModel):
         str | None, Field(description="The name that it is found by: as asked for, else its first; null if not stored.")
     ]
     already_known_as: Annotated[
-        list[str], Field(description="Its names before this upload, oldest first; none where the content was new.")
+        list[str],
+        Field(description="Its names before this upload, the first one first; none where the content was new."),
     ] = []
     report: ReportAnswer
     links: DatasetLinks
