@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from service.api.http.pace import Pace
-from service.api.http.worker_threads import ClientGoneError, OverloadedError, WorkerThreads
+from service.api.http.limits.pace import Pace
+from service.api.http.limits.worker_threads import ClientGoneError, OverloadedError, WorkerThreads
 
 LONG_S = 30.0
 
