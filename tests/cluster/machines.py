@@ -139,6 +139,15 @@ class Machines:
         """Until the API can predict."""
         until(lambda: self.api(name).get("/health/ready").status_code == 200, timeout_s, f"{name} is ready")
 
+    @staticmethod
+    def answered(ask: Callable[[], httpx.Response]) -> httpx.Response:
+        """The answer, asked for again where a busy machine let the database answer too late (503)."""
+        for _ in range(10):
+            if (answer := ask()).status_code != 503:
+                break
+            time.sleep(1)
+        return answer
+
     def served(self, name: str, reference: str) -> int | None:
         """The version with which an API answers."""
         answer = self.api(name).get("/v1/predictions", params=QUESTION | {"model": reference})

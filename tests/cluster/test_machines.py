@@ -38,9 +38,9 @@ def test_what_one_replica_is_told_all_of_them_know(machines):
     job = {"model": "walked", "datasets": ["unit"], "architecture": "zero", "prior": "rigid_slope"}
     job |= {"split": {"test_slopes_deg": [12]}}
     keys = {"Idempotency-Key": '"walk"'}
-    started = one.post(JOBS, json=job, headers=keys)
+    started = machines.answered(lambda: one.post(JOBS, json=job, headers=keys))
     assert started.status_code == 202, started.text
-    again = other.post(JOBS, json=job, headers=keys)
+    again = machines.answered(lambda: other.post(JOBS, json=job, headers=keys))
     assert again.json()["id"] == started.json()["id"]
     ended = machines.ended(started.json()["id"], 120)
     assert ended["state"] == "succeeded", ended

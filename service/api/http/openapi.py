@@ -12,11 +12,11 @@ from pydantic import BaseModel
 from service.api.http.problems import PROBLEM_MEDIA_TYPE, PROBLEMS, Problem, ProblemKind, Slug
 
 _COMPONENTS = "#/components/schemas/"
-_EVERYWHERE = (Slug.INTERNAL,)
+_EVERYWHERE = (Slug.HEAD_TOO_LARGE, Slug.INTERNAL)
 
 
 def problem_responses(*slugs: Slug) -> dict[int | str, dict[str, Any]]:
-    """The `responses` of a route that can end in these problems, or in an internal error."""
+    """The `responses` of a route that can end in these problems, in a head that is too large, or in an internal error."""
     by_status: dict[int, list[ProblemKind]] = defaultdict(list)
     for slug in (*slugs, *_EVERYWHERE):
         by_status[PROBLEMS[slug].status].append(PROBLEMS[slug])

@@ -54,9 +54,14 @@ def broken(url: str, fault: Exception) -> RoverTwinError:
     """The error for a connection that failed, was refused or closed, or did not answer in time."""
     if isinstance(fault, TimeoutError):
         return TimedOutError(f"{url} did not answer in time")
-    if isinstance(fault, InvalidStatus) and fault.response.status_code in _TOKENS:
+    if isinstance(fault, InvalidStatus) and fault.response.status_code in _TOKENS and _is_problem(fault):
         return failure(fault.response.status_code, fault.response.headers, bytes(fault.response.body or b""))
     if isinstance(fault, InvalidStatus) and fault.response.status_code < HTTPStatus.INTERNAL_SERVER_ERROR:
         said = f"HTTP {fault.response.status_code}"  # another try would be refused as well
         return UnexpectedAnswerError(f"{url} takes no WebSockets ({said}): is this a rover-twin service?")
     return ConnectionFailedError(f"cannot talk to {url}: {fault or type(fault).__name__}; is the service running?")
+
+
+def _is_problem(fault: InvalidStatus) -> bool:
+    """Whether a service of this kind refused: others answer 403 where they know no WebSockets."""
+    return fault.response.headers.get("Content-Type", "").startswith("application/problem+json")
