@@ -16,7 +16,7 @@ _EVERYWHERE = (Slug.HEAD_TOO_LARGE, Slug.INTERNAL)
 
 
 def problem_responses(*slugs: Slug) -> dict[int | str, dict[str, Any]]:
-    """The `responses` of a route that can end in these problems, in a head that is too large, or in an internal error."""
+    """The `responses` of a route that can end in these problems, in too large a head, or in an internal error."""
     by_status: dict[int, list[ProblemKind]] = defaultdict(list)
     for slug in (*slugs, *_EVERYWHERE):
         by_status[PROBLEMS[slug].status].append(PROBLEMS[slug])
