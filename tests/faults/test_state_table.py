@@ -11,7 +11,7 @@ from tests.faults.state_table import STATES, run
 
 pytestmark = pytest.mark.kills
 
-ROUNDS = 2
+ROUNDS = 1
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="SIGKILL and fork are POSIX")
