@@ -17,6 +17,7 @@ import service
 from model_store import ModelStore
 from service import parts, tracing
 from service.access.addresses import networks
+from service.access.failed_logins import FailedLogins
 from service.access.tokens import Tokens
 from service.api import health, metrics
 from service.api.access import Access
@@ -94,7 +95,7 @@ def create_app(
         released=give_back,
     )
     state = lifecycle or Lifecycle()
-    access = Access(tokens_of(settings), counting)
+    access = Access(tokens_of(settings), counting, _failed_logins(settings))
     jobs = (
         JobQueue.open(settings.jobs_url(), settings.max_queued_jobs, settings.keep_jobs_days)
         if settings.admin_is_on
@@ -129,6 +130,7 @@ def create_app(
             if worker and not ended.is_set():  # only now: what starts must not wait for processor time
                 await worker.run()
 
+        access.tokens.start()
         async with anyio.create_task_group() as tasks:
             # beside the start, not before it: a slow store must not make the process look dead
             tasks.start_soon(start)
@@ -138,6 +140,7 @@ def create_app(
                 scope.cancel()
             if worker:
                 worker.end()
+        access.tokens.close()
         registry.close()
         if jobs:
             with anyio.move_on_after(_CLOSE_S):
@@ -248,6 +251,10 @@ def tokens_of(settings: Settings) -> Tokens:
     """The tokens in force. Raises TokenFileError for a file that cannot be used."""
     own = settings.admin_token
     return Tokens(own.get_secret_value() if own else None, settings.tokens_file)
+
+
+def _failed_logins(settings: Settings) -> FailedLogins:
+    return FailedLogins(settings.failed_logins_free, settings.failed_logins_wait_s, settings.failed_logins_clients)
 
 
 def error_answers() -> ErrorAnswers:

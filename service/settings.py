@@ -25,7 +25,9 @@ from service.allowed import allowed_values
 from service.errors import RoverTwinError
 
 PREFIX = "ROVER_TWIN_"
-_SECRETS = ("admin_token", "jobs_database_url")  # may also be read from a file, and are never printed
+SECRETS = ("admin_token", "jobs_database_url")
+"""Settings that may also be read from a file, which a variable with _FILE at its end names, and are never printed."""
+
 # Not ours, but often set beside them: of the client scripts, docker/compose.yaml, and what builds the image.
 _OF_OTHERS = {
     f"{PREFIX}{name}" for name in ("URL", "TOKEN", "PUBLISHED_PORT", "SERVICE", "IMAGE", "IMAGE_BUILD", "IMAGE_RUN")
@@ -68,6 +70,17 @@ def _reference(text: str) -> str:
 
 def _networks(texts: tuple[str, ...]) -> tuple[str, ...]:
     networks(texts)
+    return texts
+
+
+_ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://([a-z0-9._-]+|\[[0-9a-f:.]+\])(:[0-9]{1,5})?")
+
+
+def _origins(texts: tuple[str, ...]) -> tuple[str, ...]:
+    """A page's scheme, host and port are compared as text, so what is written otherwise would never match."""
+    for text in texts:
+        if text != "*" and not _ORIGIN.fullmatch(text):
+            raise ValueError(f"{text!r} is no origin")
     return texts
 
 
@@ -140,7 +153,26 @@ class Settings(BaseSettings):
     audit_days: Annotated[int, Field(ge=1, le=36_500)] = Field(
         default=365, description="Days that the audit log of admin calls is kept."
     )
-    jobs_database_url: Annotated[str, Field(pattern=r"^(sqlite:///|postgresql(\+psycopg)?://).+")] | None = Field(
+    failed_logins_free: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=5, description="Wrong tokens a client may send before it has to wait."
+    )
+    failed_logins_wait_s: Annotated[float, Field(ge=1, le=3600)] = Field(
+        default=60.0, description="Longest time in seconds that a client waits which goes on to send wrong tokens."
+    )
+    failed_logins_clients: Annotated[int, Field(ge=100, le=1_000_000)] = Field(
+        default=10_000,
+        description="Clients whose wrong tokens each server process counts, those that failed last; about 0.5 KB each.",
+    )
+    jobs_database_url: (
+        Annotated[
+            str,
+            Field(
+                pattern=r"^(sqlite:///|postgresql(\+psycopg)?://).+",
+                json_schema_extra={"x-allowed": "sqlite:///FILE or postgresql://USER@HOST/DATABASE"},
+            ),
+        ]
+        | None
+    ) = Field(
         default=None,
         description="Database of the training jobs, sqlite:///file or postgresql://... "
         "The default is a file inside a local store, or in the user's state folder for other stores.",
@@ -209,7 +241,14 @@ class Settings(BaseSettings):
     root_path: Annotated[str, Field(pattern=r"^(/[A-Za-z0-9._~-]+)*$", max_length=200)] = Field(
         default="", description="Prefix under which a proxy shows the service, such as /twin; the proxy strips it."
     )
-    cors_origins: Annotated[tuple[str, ...], Field(max_length=100)] = Field(
+    cors_origins: Annotated[
+        tuple[str, ...],
+        Field(
+            max_length=100,
+            json_schema_extra={"x-allowed": 'a JSON list of origins as browsers send them, ["https://a.example"]'},
+        ),
+        AfterValidator(_origins),
+    ] = Field(
         default=(),
         description="Origins whose pages may call this service from a browser, as a JSON list; `*` for all.",
     )
@@ -291,7 +330,7 @@ def require_tokens(settings: Settings) -> None:
 def _from_files(known: Mapping[str, Any]) -> dict[str, str]:
     """Secrets that a file holds: the variable with _FILE at its end names it. Raises SettingsError."""
     found = {}
-    for name in _SECRETS:
+    for name in SECRETS:
         variable = f"{PREFIX}{name.upper()}"
         path = os.environ.get(f"{variable}_FILE")
         if not path or name in known:
@@ -308,9 +347,9 @@ def _from_files(known: Mapping[str, Any]) -> dict[str, str]:
 def _require_known_variables() -> None:
     """Raises SettingsError for a variable that would be a setting if there were one of that name."""
     known = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields}
-    known |= {f"{PREFIX}{name.upper()}_FILE" for name in _SECRETS} | _OF_OTHERS
+    known |= {f"{PREFIX}{name.upper()}_FILE" for name in SECRETS}
     for variable in sorted(os.environ):
-        if variable.startswith(PREFIX) and variable not in known:
+        if variable.startswith(PREFIX) and variable not in known | _OF_OTHERS:
             nearest = difflib.get_close_matches(variable, known, 1, 0.0)[0]
             raise SettingsError(f"there is no setting {variable}; the nearest is {nearest}" + _links(variable))
 
@@ -328,7 +367,7 @@ def _reason(error: ValidationError, given: dict[str, Any]) -> str:
     if name not in known:
         return f"there is no setting {shown}; there are {', '.join(sorted(known))}"
     # what may hold a password is never shown, not even to say that it is wrong
-    value = "not shown here" if name in _SECRETS else repr(str(first["input"])[:100])
+    value = "not shown here" if name in SECRETS else repr(str(first["input"])[:100])
     reason = f"{shown} is {value}, allowed is {allowed_values(known[name])}"
     if str(first["input"]).startswith("tcp://"):
         reason += f"; {_SERVICE_LINKS}"

@@ -19,6 +19,7 @@ FREE_TRIES = 5
 WINDOW_S = 300.0
 LONGEST_WAIT_S = 60.0
 MOST_CLIENTS = 10_000
+_MOST_DOUBLINGS = 12  # 4096 s, which is more than may be set
 
 
 @dataclass(slots=True)
@@ -29,9 +30,19 @@ class _Tries:
 
 
 class FailedLogins:
-    """Of one server process. Knows the `MOST_CLIENTS` that failed last; the window begins anew with each try."""
+    """Of one server process. Knows the `most` clients that failed last; the window begins anew with each try.
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    A client may try `free` times, and waits `longest_wait_s` at most.
+    """
+
+    def __init__(
+        self,
+        free: int = FREE_TRIES,
+        longest_wait_s: float = LONGEST_WAIT_S,
+        most: int = MOST_CLIENTS,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._free, self._longest_wait_s, self._most = free, longest_wait_s, most
         self._clock = clock
         self._clients: OrderedDict[str, _Tries] = OrderedDict()
 
@@ -48,10 +59,10 @@ class FailedLogins:
         if tries is None or now > max(tries.last + WINDOW_S, tries.until):
             tries = _Tries()
         self._clients[client] = tries
-        if len(self._clients) > MOST_CLIENTS:
+        if len(self._clients) > self._most:
             self._clients.popitem(last=False)
         tries.count, tries.last = tries.count + 1, now
         early = now < tries.until
-        if tries.count >= FREE_TRIES:
-            tries.until = now + min(LONGEST_WAIT_S, 2.0 ** min(tries.count - FREE_TRIES, 10))
+        if tries.count >= self._free:
+            tries.until = now + min(self._longest_wait_s, 2.0 ** min(tries.count - self._free, _MOST_DOUBLINGS))
         return tries.until - now if early else 0.0

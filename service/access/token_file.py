@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -25,6 +26,9 @@ _DIGEST = re.compile(r"sha256:([0-9a-f]{64})")
 _SCOPES = ("read", "admin")
 _RESERVED = "admin"  # the token of the environment
 _FOR_OWNER = 0o600
+_ACCESS_LIST = "system.posix_acl_access"
+# what is no file must be found out without waiting for whoever writes into it
+_READING = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY
 
 
 class TokenFileError(RoverTwinError, ValueError):
@@ -133,24 +137,39 @@ def _alone(path: Path) -> Iterator[Path]:
 
 def _content(path: Path) -> bytes:
     try:
-        with path.open("rb") as file:
-            return file.read(MOST_BYTES + 1)
+        return content_of(path)[0]
     except FileNotFoundError:
         return b""
     except OSError as error:
         raise TokenFileError(f"the tokens file cannot be read: {error.strerror}") from error
 
 
+def content_of(path: Path) -> tuple[bytes, os.stat_result]:
+    """At most a byte more than there may be, and the status of just that file.
+
+    Raises OSError, and TokenFileError for what is no regular file: a pipe would be waited for without end.
+    """
+    with open(os.open(path, _READING), "rb") as file:  # noqa: PTH123 - which Path cannot do
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode):
+            raise TokenFileError("the tokens file cannot be read: it is no regular file")
+        return file.read(MOST_BYTES + 1), status
+
+
 def _replace(path: Path, content: bytes) -> None:
-    """Whoever reads the file sees the old one or the new one, also after a power cut."""
+    """Whoever reads the file sees the old one or the new one, also after a power cut.
+
+    The new one belongs to whom the old one did, or the service could not read it any more. Where that cannot be,
+    nothing is changed.
+    """
     try:
-        mode = path.stat().st_mode & 0o777 if path.exists() else _FOR_OWNER
+        old = path.stat() if path.exists() else None
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(content)
                 file.flush()
-                os.fchmod(file.fileno(), mode)
+                _make_as(file.fileno(), path, old)
                 os.fsync(file.fileno())
             Path(name).replace(path)
         except BaseException:
@@ -164,3 +183,22 @@ def _replace(path: Path, content: bytes) -> None:
             os.close(folder)
     except OSError as error:
         raise TokenFileError(f"the tokens file cannot be written: {error.strerror}") from error
+
+
+def _make_as(handle: int, path: Path, old: os.stat_result | None) -> None:
+    """Give an open file the owner, the mode and the access list of the one at `path`. Raises TokenFileError."""
+    if old is None:
+        os.fchmod(handle, _FOR_OWNER)
+        return
+    new = os.fstat(handle)
+    try:
+        if (new.st_uid, new.st_gid) != (old.st_uid, old.st_gid):
+            os.fchown(handle, old.st_uid, old.st_gid)
+        os.fchmod(handle, old.st_mode & 0o777)
+        if hasattr(os, "listxattr") and _ACCESS_LIST in os.listxattr(path):
+            os.setxattr(handle, _ACCESS_LIST, os.getxattr(path, _ACCESS_LIST))
+    except OSError as error:
+        raise TokenFileError(
+            f"the tokens file was not changed: it belongs to user {old.st_uid} and group {old.st_gid}, and a new one "
+            f"cannot be made so ({error.strerror}); do this as that user or as root"
+        ) from error

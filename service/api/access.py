@@ -11,7 +11,13 @@ from starlette.types import Scope as AsgiScope
 from service.access.addresses import UNKNOWN
 from service.access.failed_logins import FailedLogins
 from service.access.tokens import Identity, Scope, Tokens
-from service.api.http.exceptions import AdminOffError, ForbiddenError, TooManyAttemptsError, UnauthorizedError
+from service.api.http.exceptions import (
+    AdminOffError,
+    ForbiddenError,
+    RepeatedHeaderError,
+    TooManyAttemptsError,
+    UnauthorizedError,
+)
 from service.api.http.instruments import Instruments
 from service.api.http.request_log import CLIENT
 
@@ -23,16 +29,17 @@ _log = structlog.get_logger(__name__)
 class Access:
     """Lets in who has a token. To be used on the event loop."""
 
-    def __init__(self, tokens: Tokens, instruments: Instruments) -> None:
+    def __init__(self, tokens: Tokens, instruments: Instruments, failed: FailedLogins | None = None) -> None:
         self.tokens = tokens
         self._instruments = instruments
-        self._failed = FailedLogins()
+        self._failed = FailedLogins() if failed is None else failed
 
     def require(self, scope: AsgiScope, wanted: Scope) -> Identity:
         """Who sends this request.
 
         Raises AdminOffError when there is no token at all, UnauthorizedError when none or a wrong one was sent,
-        TooManyAttemptsError when wrong ones keep coming, and ForbiddenError when the token does not allow this.
+        TooManyAttemptsError when wrong ones keep coming, ForbiddenError when the token does not allow this, and
+        RepeatedHeaderError when there are several.
         """
         identity = self._known(scope)
         if identity is None:
@@ -47,8 +54,14 @@ class Access:
         """Whether whoever asks has a token, where nobody needs one. A wrong token counts as one all the same."""
         try:
             return self._known(scope) is not None
-        except (AdminOffError, UnauthorizedError, TooManyAttemptsError):
+        except (AdminOffError, UnauthorizedError, TooManyAttemptsError, RepeatedHeaderError):
             return False
+
+    def still_holds(self, scope: AsgiScope, wanted: Scope) -> bool:
+        """Whether the token of a request that was let in is in force still: for answers that go on for long."""
+        sent = _token_of(scope)
+        holder = None if sent is None else self.tokens.holder(sent)
+        return holder is not None and holder.scope.covers(wanted)
 
     def _known(self, scope: AsgiScope) -> Identity | None:
         """None when no token was sent."""
@@ -57,11 +70,10 @@ class Access:
         known: Identity | None = scope.get(_IDENTITY)
         if known is not None:
             return known
-        scheme, _, sent = Headers(scope=scope).get("authorization", "").strip().partition(" ")
-        if scheme.lower() != "bearer" or not sent.strip():
+        sent = _token_of(scope)
+        if sent is None:
             return None
-        # headers come decoded as latin-1; and first of all the token: who has the right one never waits
-        holder = self.tokens.holder(sent.strip().encode("latin-1", "replace"))
+        holder = self.tokens.holder(sent)  # first of all: who has the right one never waits
         if holder is None:
             self._refuse(_client(scope))
         scope[_IDENTITY] = holder
@@ -75,6 +87,17 @@ class Access:
         self._instruments.login_failed("wrong")
         _log.warning("a wrong token was sent", client=client)
         raise UnauthorizedError("the token that was sent is not one of this service", wrong=True)
+
+
+def _token_of(scope: AsgiScope) -> bytes | None:
+    """Raises RepeatedHeaderError: which of several counts, a proxy may see otherwise than we do."""
+    said = Headers(scope=scope).getlist("authorization")
+    if len(said) > 1:
+        raise RepeatedHeaderError("Authorization")
+    scheme, _, sent = (said[0] if said else "").strip().partition(" ")
+    token = sent.strip()
+    # headers come decoded as latin-1
+    return token.encode("latin-1", "replace") if scheme.lower() == "bearer" and token else None
 
 
 def _client(scope: AsgiScope) -> str:

@@ -18,6 +18,7 @@ from service.api.http.errors import ErrorAnswers, own_path
 from service.api.http.exceptions import (
     AdminOffError,
     ForbiddenError,
+    RepeatedHeaderError,
     TooManyAttemptsError,
     UnauthorizedError,
 )
@@ -37,6 +38,7 @@ ADMIN_PROBLEMS = (
     Slug.ADMIN_OFF,
     Slug.INVALID_INPUT,
     Slug.AUDIT_UNAVAILABLE,
+    Slug.MALFORMED_HEAD,
 )
 """What every admin route can answer besides its own problems."""
 
@@ -44,7 +46,7 @@ AUDIT_S = 4.5
 _PREFIX = "/v1/admin"
 _SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 _OLD_ACTOR = "X-Actor"
-_REFUSALS = (AdminOffError, UnauthorizedError, ForbiddenError, TooManyAttemptsError)
+_REFUSALS = (AdminOffError, UnauthorizedError, ForbiddenError, TooManyAttemptsError, RepeatedHeaderError)
 _bearer = HTTPBearer(
     scheme_name="admin",
     description="A token of the operator: `ROVER_TWIN_ADMIN_TOKEN`, or one of `ROVER_TWIN_TOKENS_FILE`. Its scope is "

@@ -117,5 +117,5 @@ def _identity(loaded: Loaded) -> ModelIdentity:
 def _details(services: Services) -> dict[str, object]:
     status = services.registry.status()
     failures = [LoadFailure(reference=reference, message=message) for reference, message in status.failures]
-    problem = services.access.tokens.look()
+    problem = services.access.tokens.problem
     return {"failures": failures, "warnings": [problem] if problem else []}

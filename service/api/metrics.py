@@ -41,7 +41,7 @@ class _Residents(Collector):
 
     def __init__(self, services: Services) -> None:
         self._status = services.registry.status()
-        self._problem = services.access.tokens.look()
+        self._tokens = services.access.tokens
 
     def collect(self) -> Iterable[Metric]:
         """What is in memory, and how well it follows the store."""
@@ -56,7 +56,10 @@ class _Residents(Collector):
         looks.add_metric((), self._status.failed_looks)
         yield looks
         unusable = "Whether the tokens file has become unusable; the tokens before are in force."
-        yield GaugeMetricFamily(f"{PREFIX}tokens_file_unusable", unusable, int(self._problem is not None))
+        yield GaugeMetricFamily(f"{PREFIX}tokens_file_unusable", unusable, int(self._tokens.problem is not None))
+        confirmed = "Seconds since the tokens in force were last found to be those of the file."
+        age_s = self._tokens.confirmed_s
+        yield GaugeMetricFamily(f"{PREFIX}tokens_file_confirmed_age_seconds", confirmed, age_s)
 
 
 router = APIRouter(tags=["health"], route_class=Route)

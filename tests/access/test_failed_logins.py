@@ -17,7 +17,7 @@ class Clock:
 
 
 def test_the_first_few_are_free_then_the_wait_grows_to_its_bound():
-    failed = FailedLogins(Clock())
+    failed = FailedLogins(clock=Clock())
 
     waits = [failed.failed("192.0.2.1") for _ in range(20)]
 
@@ -30,7 +30,7 @@ def test_the_first_few_are_free_then_the_wait_grows_to_its_bound():
 
 def test_one_who_waits_as_told_may_try_once():
     clock = Clock()
-    failed = FailedLogins(clock)
+    failed = FailedLogins(clock=clock)
     for _ in range(FREE_TRIES):
         failed.failed("192.0.2.1")
     wait = failed.failed("192.0.2.1")
@@ -42,7 +42,7 @@ def test_one_who_waits_as_told_may_try_once():
 
 def test_after_a_quiet_window_all_is_forgotten():
     clock = Clock()
-    failed = FailedLogins(clock)
+    failed = FailedLogins(clock=clock)
     for _ in range(50):
         failed.failed("192.0.2.1")
 
@@ -52,7 +52,7 @@ def test_after_a_quiet_window_all_is_forgotten():
 
 
 def test_addresses_of_one_subscriber_count_together():
-    failed = FailedLogins(Clock())
+    failed = FailedLogins(clock=Clock())
 
     waits = [failed.failed(f"2001:db8::{number:x}") for number in range(20)]
 
@@ -63,7 +63,7 @@ def test_addresses_of_one_subscriber_count_together():
 @given(st.lists(st.tuples(st.integers(0, 3), st.floats(0, 100)), max_size=100))
 def test_no_wait_is_longer_than_the_bound_and_none_is_before_the_free_tries(tries):
     clock = Clock()
-    failed = FailedLogins(clock)
+    failed = FailedLogins(clock=clock)
     counts = [0] * 4
     for client, pause in tries:
         clock.now += pause
@@ -74,7 +74,7 @@ def test_no_wait_is_longer_than_the_bound_and_none_is_before_the_free_tries(trie
 
 
 def test_the_table_is_bounded_and_keeps_those_who_tried_last():
-    failed = FailedLogins(Clock())
+    failed = FailedLogins(clock=Clock())
     for number in range(MOST_CLIENTS + 500):
         failed.failed(f"10.{number >> 16}.{number >> 8 & 255}.{number & 255}")
         if number % 100 == 0:
@@ -83,3 +83,13 @@ def test_the_table_is_bounded_and_keeps_those_who_tried_last():
 
     assert len(failed) == MOST_CLIENTS
     assert failed.failed("192.0.2.1") > 0
+
+
+def test_the_bounds_are_those_that_were_chosen():
+    failed = FailedLogins(free=2, longest_wait_s=3600.0, most=100, clock=Clock())
+
+    assert [failed.failed("192.0.2.1") > 0 for _ in range(3)] == [False, False, True]
+    assert max(failed.failed("192.0.2.1") for _ in range(30)) == 3600.0
+    for number in range(200):
+        failed.failed(f"198.51.100.{number}")
+    assert len(failed) == 100

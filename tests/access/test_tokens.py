@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
+import tempfile
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -13,14 +20,24 @@ from service.access import tokens as tokens_module
 from service.access.token_file import MOST_TOKENS, StoredToken, TokenFileError, add, parse, remove, stored
 from service.access.tokens import Identity, Scope, Tokens, digest_of, new_token
 
+AS_NOBODY = """
+import os, pathlib, sys
+from service.access.token_file import StoredToken, TokenFileError, add, remove
+os.setgroups([]); os.setgid(65534); os.setuid(65534)
+path = pathlib.Path(sys.argv[1])
+try:
+    add(path, StoredToken("eve", "read", b"x" * 32)) if sys.argv[2] == "add" else remove(path, "ada")
+except TokenFileError as error:
+    print(error)
+"""
 HASH = "0123456789abcdef" * 4
 NAMES = st.from_regex(r"\A[A-Za-z0-9][A-Za-z0-9._@+-]{0,62}\Z").filter(lambda name: name != "admin")
 
 
-@pytest.fixture(autouse=True)
-def looks_every_time(monkeypatch):
-    """A look at the file with every question, and no doubt about times."""
-    monkeypatch.setattr(tokens_module, "_LOOK_S", 0.0)
+def holder(known, token):
+    """After a look."""
+    known.look()
+    return known.holder(token)
 
 
 @pytest.fixture
@@ -118,12 +135,12 @@ def test_a_change_is_seen_and_a_revoked_token_holds_nothing(file):
     known = Tokens(path=file)
 
     joe = made(file, "joe", "admin")
-    assert known.holder(joe) == Identity("joe", Scope.ADMIN)
+    assert holder(known, joe) == Identity("joe", Scope.ADMIN)
     assert remove(file, "ada")
-    assert known.holder(ada) is None
-    assert known.holder(joe) is not None
+    assert holder(known, ada) is None
+    assert holder(known, joe) is not None
     file.write_text("")
-    assert known.holder(joe) is None
+    assert holder(known, joe) is None
     assert not remove(file, "ada")
 
 
@@ -141,16 +158,15 @@ def test_a_broken_file_keeps_what_was_and_heals(file, damage):
         file.unlink()
     if damage == "a folder":
         file.mkdir()
-    assert known.holder(ada) is not None
+    assert holder(known, ada) is not None
     assert known.problem is not None
     assert not re.search("[0-9a-f]{8}", known.problem)
-    assert known.look() == known.problem
 
     if damage == "a folder":
         file.rmdir()
     file.write_bytes(good.replace(b"ada", b"eve"))
-    assert known.holder(ada) == Identity("eve", Scope.READ)
-    assert known.look() is None
+    assert holder(known, ada) == Identity("eve", Scope.READ)
+    assert known.problem is None
 
 
 def test_a_broken_file_stops_the_start(file):
@@ -168,12 +184,12 @@ def test_a_secret_of_kubernetes_is_followed_when_its_link_is_swapped(tmp_path):
     (tmp_path / "..data").symlink_to("..1")
     (tmp_path / "tokens").symlink_to("..data/tokens")
     known = Tokens(path=tmp_path / "tokens")
-    assert known.holder(ada)
+    assert holder(known, ada)
 
     (tmp_path / "next").symlink_to("..2")
     (tmp_path / "next").replace(tmp_path / "..data")
 
-    assert (known.holder(ada), known.holder(joe)) == (None, Identity("joe", Scope.READ))
+    assert (holder(known, ada), holder(known, joe)) == (None, Identity("joe", Scope.READ))
 
 
 def test_a_change_that_keeps_size_and_inode_is_seen(file):
@@ -186,7 +202,7 @@ def test_a_change_that_keeps_size_and_inode_is_seen(file):
         opened.write(file.read_bytes().replace(digest_of(ada).hex().encode(), digest_of(other).hex().encode()))
 
     assert file.stat().st_ino == inode
-    assert (known.holder(ada), known.holder(other)) == (None, Identity("ada", Scope.READ))
+    assert (holder(known, ada), holder(known, other)) == (None, Identity("ada", Scope.READ))
 
 
 def test_many_who_add_at_once_all_get_in(file):
@@ -225,3 +241,126 @@ def test_a_second_token_for_a_name_is_refused(file):
     with pytest.raises(TokenFileError, match="already"):
         made(file, "ada", "admin")
     assert len(stored(file)) == 1
+
+
+def test_a_change_that_sets_the_time_back_is_seen(file):
+    ada = made(file, "ada")
+    before = time.time() - 3600
+    os.utime(file, (before, before))
+    known = Tokens(path=file)
+    known._seen = tokens_module._signature(file.stat())  # as if it had been like this for long
+    size, time_ns = file.stat().st_size, file.stat().st_mtime_ns
+
+    other = new_token().encode()
+    with file.open("r+b") as opened:
+        opened.write(file.read_bytes().replace(digest_of(ada).hex().encode(), digest_of(other).hex().encode()))
+    os.utime(file, ns=(time_ns, time_ns))
+
+    assert (file.stat().st_size, file.stat().st_mtime_ns) == (size, time_ns)
+    assert (holder(known, ada), holder(known, other)) == (None, Identity("ada", Scope.READ))
+
+
+ROOT_ONLY = pytest.mark.skipif(os.geteuid() != 0, reason="only root can make a file of another user")
+
+
+@ROOT_ONLY
+def test_a_change_by_root_keeps_the_owner(file):
+    """Or the service could not read its tokens any more, and revoked ones would stay in force."""
+    made(file, "ada")
+    os.chown(file, 65534, 65533)
+
+    for change in (lambda: made(file, "joe"), lambda: remove(file, "ada")):
+        before = file.read_bytes()
+        change()
+        assert file.read_bytes() != before
+        assert (file.stat().st_uid, file.stat().st_gid) == (65534, 65533)
+        assert file.stat().st_mode & 0o777 == 0o600
+
+
+@ROOT_ONLY
+@pytest.mark.parametrize("change", ["add", "remove"])
+def test_where_the_owner_cannot_be_kept_nothing_changes(change):
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:  # whose parents anybody may enter
+        file = Path(folder) / "tokens"
+        made(file, "ada")
+        file.chmod(0o644)
+        file.parent.chmod(0o777)
+        before = file.read_bytes()
+        command = [sys.executable, "-c", AS_NOBODY, str(file), change]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+
+        assert "was not changed: it belongs to user 0" in done.stdout, done.stderr
+        assert (file.read_bytes(), file.stat().st_uid) == (before, 0)
+        assert list(file.parent.iterdir()) == [file]
+
+
+def test_a_pipe_is_no_file_of_tokens(file):
+    os.mkfifo(file)
+    for use in (lambda: Tokens(path=file), lambda: stored(file), lambda: made(file, "ada")):
+        with pytest.raises(TokenFileError, match="no regular file"):
+            use()
+
+
+def test_a_file_that_becomes_a_pipe_stops_nothing(file):
+    ada = made(file, "ada")
+    known = Tokens(path=file)
+    file.unlink()
+    os.mkfifo(file)
+
+    assert holder(known, ada) is not None
+    assert "no regular file" in known.problem
+
+
+class Hanging(type(Path())):
+    """A path on a disk that does not answer until `answers` is set."""
+
+    answers = threading.Event()
+    asked = 0
+
+    def stat(self, **how):
+        Hanging.asked += 1
+        assert self.answers.wait(30)
+        return super().stat(**how)
+
+
+def test_a_disk_that_hangs_holds_one_thread_and_nobody_who_asks(file, monkeypatch):
+    monkeypatch.setattr(tokens_module, "_LOOK_S", 0.01)
+    monkeypatch.setattr(tokens_module, "_STALLED_S", 0.2)
+    ada = made(file, "ada")
+    known = Tokens(path=Hanging(file))
+    known._seen = tokens_module._signature(file.stat())
+    threads = threading.active_count()
+    known.start()
+    try:
+        time.sleep(0.5)
+        began = time.monotonic()
+        assert all(known.holder(ada) for _ in range(100))
+        assert time.monotonic() - began < 0.5
+        assert threading.active_count() == threads + 1
+        assert Hanging.asked == 1
+        assert "does not answer" in known.problem
+        assert known.confirmed_s > 0.4
+
+        remove(file, "ada")
+        Hanging.answers.set()
+        deadline = time.monotonic() + 20
+        while known.holder(ada) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        assert known.holder(ada) is None
+        assert known.problem is None
+    finally:
+        Hanging.answers.set()
+        known.close()
+
+
+def test_looks_end_when_they_are_told_to(file, monkeypatch):
+    monkeypatch.setattr(tokens_module, "_LOOK_S", 0.01)
+    made(file, "ada")
+    known = Tokens(path=file)
+    known.start()
+    known.close()
+    time.sleep(0.2)
+
+    joe = made(file, "joe")
+    time.sleep(0.2)
+    assert known.holder(joe) is None

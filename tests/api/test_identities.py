@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import time
 
 import httpx
 import pytest
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from service.access import tokens as tokens_module
 from service.access.token_file import StoredToken, add, remove
 from service.access.tokens import digest_of, new_token
+from service.api.v1.live import REVOKED
 from service.log import REQUESTS
 from tests.api.conftest import ADMIN, PLAIN, QUESTION, TOKEN
 from tests.api.http.test_body_limit import exchange
+from tests.api.training import job_store, submit
 from tests.api.v1.test_aliases import CHAMPION
 
 AUDIT = "/v1/admin/audit"
@@ -40,30 +43,50 @@ def bearer(token):
 
 @pytest.fixture
 def file(tmp_path, monkeypatch):
-    """An empty file of tokens, which the service looks at with every request."""
-    monkeypatch.setattr(tokens_module, "_LOOK_S", 0.0)
+    """An empty file of tokens, which the service looks at all the time."""
+    monkeypatch.setattr(tokens_module, "_LOOK_S", 0.02)
     (tmp_path / "tokens").touch()
     return tmp_path / "tokens"
 
 
-@pytest.fixture
-def give(file):
-    """Makes a token."""
+class Give:
+    """Makes a token. Where there is a `service`, it is in force then."""
 
-    def give(name, scope):
+    def __init__(self, file):
+        self.file = file
+        self.service = None
+
+    def __call__(self, name, scope):
         token = new_token()
-        add(file, StoredToken(name, scope, digest_of(token.encode())))
+        add(self.file, StoredToken(name, scope, digest_of(token.encode())))
+        if self.service is not None:
+            taken_up(self.service)
         return bearer(token)
 
-    return give
+
+def taken_up(service, headers=None):
+    """Wait until the service has looked at its file of tokens once more; at those that it has read for sure."""
+    changed = time.monotonic()
+    while time.monotonic() < changed + 20:
+        age_s = scraped(service.client, "tokens_file_confirmed_age_seconds", headers=headers or {})
+        if time.monotonic() - age_s > changed + 0.1:  # what was under way while it changed
+            return
+        time.sleep(0.02)
+    raise AssertionError("the service does not look at its tokens")
 
 
 @pytest.fixture
-def named(serve, file, store, publish):
+def give(file):
+    return Give(file)
+
+
+@pytest.fixture
+def named(serve, file, store, publish, give):
     """A service with a file of tokens, and three versions to move an alias to."""
     for coefficient in (0.1, 0.2, 0.3):
         publish(store, coefficient=coefficient)
-    return serve(tokens_file=file, start_worker=False)
+    give.service = serve(tokens_file=file, start_worker=False)
+    return give.service
 
 
 @pytest.fixture
@@ -119,6 +142,7 @@ def test_a_new_token_is_in_force_at_once_and_a_revoked_one_is_not(named, give, f
     assert named.client.get(AUDIT, headers=ada).status_code == 200
 
     remove(file, "ada")
+    taken_up(named)
 
     assert named.client.get(AUDIT, headers=ada).status_code == 401
     assert named.client.get(AUDIT, headers=give("ada", "admin")).status_code == 200
@@ -132,6 +156,10 @@ def test_a_file_that_breaks_is_told_to_those_with_a_token_and_to_metrics(named, 
     assert scraped(named.client, "tokens_file_unusable") == 0
 
     file.write_text(file.read_text() + "not a line\n")
+    for _ in range(400):
+        if scraped(named.client, "tokens_file_unusable"):
+            break
+        time.sleep(0.05)
 
     ready = named.client.get("/health/ready", headers=ada)
     assert ready.status_code == 200
@@ -251,6 +279,7 @@ def test_with_a_token_for_everything_only_health_is_open(serve, file, give, stor
 
 def test_the_websocket_needs_the_token_too(serve, file, give, store, publish, move):
     move(store, publish(store))
+    joe = give("joe", "read")
     service = serve(tokens_file=file, require_token=True, start_worker=False)
     address = service.url.replace("http", "ws") + "/v1/live"
 
@@ -258,15 +287,109 @@ def test_the_websocket_needs_the_token_too(serve, file, give, store, publish, mo
         connect(address, proxy=None).close()
     assert caught.value.response.status_code == 401
     assert json.loads(caught.value.response.body)["type"].endswith("unauthorized")
-    with connect(address, proxy=None, additional_headers=give("joe", "read")) as connection:
+    with connect(address, proxy=None, additional_headers=joe) as connection:
         connection.send("{}")
         assert connection.recv(timeout=10)
+
+
+def talk(connection, *, busy):
+    """Until it ends; a client that is not `busy` only listens."""
+    for _ in range(2000):
+        if busy:
+            connection.send("{}")
+        connection.recv(timeout=20)
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("busy", [False, True], ids=["quiet", "busy"])
+def test_a_websocket_whose_token_is_revoked_is_closed(serve, file, give, store, publish, move, busy):
+    move(store, publish(store))
+    joe, ada = give("joe", "read"), give("ada", "read")
+    service = serve(tokens_file=file, require_token=True, start_worker=False)
+    address = service.url.replace("http", "ws") + "/v1/live"
+
+    with (
+        connect(address, proxy=None, additional_headers=joe) as revoked,
+        connect(address, proxy=None, additional_headers=ada) as other,
+    ):
+        remove(file, "joe")
+        with pytest.raises(ConnectionClosed) as caught:
+            talk(revoked, busy=busy)
+        assert caught.value.rcvd.code == REVOKED
+        assert "token" in caught.value.rcvd.reason
+        other.send("{}")
+        assert other.recv(timeout=10)
+    ended = {"reason": "revoked", "headers": ada}
+    assert scraped(service.client, "live_connections_ended_total", **ended) == 1
+
+
+def test_without_a_token_for_everything_a_websocket_asks_for_none(named, publish, move):
+    move(named.store, 1)
+    named.wait_ready()
+    with connect(named.url.replace("http", "ws") + "/v1/live", proxy=None) as connection:
+        time.sleep(1.5)
+        connection.send("{}")
+        assert connection.recv(timeout=10)
+
+
+def test_events_of_a_job_end_when_the_token_is_revoked(serve, tmp_path, file, give):
+    job_store(tmp_path)
+    joe, ada = give("joe", "read"), give("ada", "admin")
+    service = serve(tokens_file=file, start_worker=False)
+    service.client.headers.update(ada)
+    address = submit(service.client)["links"]["events"]
+
+    with service.client.stream("GET", address, headers=joe, timeout=20) as answer:
+        events = answer.iter_lines()
+        assert "retry" in next(events)
+        remove(file, "joe")
+        assert '"queued"' in "".join(events)  # and then it ends
+    assert service.client.get(address, headers=joe).status_code == 401
+
+
+def test_several_tokens_in_one_request_are_refused(named, give):
+    ada = give("ada", "admin")["Authorization"]
+    twice = [("Authorization", ada), ("Authorization", "Bearer another")]
+
+    for headers in (twice, twice[::-1], [twice[0]] * 2):
+        answer = named.client.get(AUDIT, headers=headers)
+        assert answer.status_code == 400
+        assert answer.json()["type"].endswith("malformed-head")
+        assert "Authorization" in answer.json()["detail"]
+        assert named.client.post("/v2/repository/models/x/load", headers=headers).status_code == 400
+        assert "failures" not in named.client.get("/health/ready", headers=headers).json()
+    assert scraped(named.client, "failed_logins_total", reason="wrong") == 0
+
+
+def test_a_file_that_becomes_a_pipe_hinders_nobody(named, give, file, move):
+    move(named.store, 1)
+    named.wait_ready()
+    ada = give("ada", "admin")
+    file.unlink()
+    os.mkfifo(file)
+    time.sleep(0.5)
+
+    began = time.monotonic()
+    assert named.get("/health/live").status_code == 200
+    assert named.client.get(AUDIT, headers=ada).status_code == 200
+    assert "no regular file" in named.client.get("/health/ready", headers=ada).json()["warnings"][0]
+    assert time.monotonic() - began < 5
+    assert scraped(named.client, "tokens_file_unusable") == 1
+
+
+def test_how_wrong_tokens_are_slowed_is_a_setting(serve, file):
+    service = serve(tokens_file=file, start_worker=False, failed_logins_free=2, failed_logins_wait_s=1)
+
+    answers = [service.client.get(AUDIT, headers=bearer("guess")) for _ in range(12)]
+    assert [answer.status_code for answer in answers[:3]] == [401, 401, 429]
+    assert {answer.headers.get("retry-after") for answer in answers[2:]} <= {"1", None}
 
 
 def test_lines_of_requests_have_client_and_route_also_of_refused_ones(serve, give, file, lines, store, publish):
     publish(store)
     service = serve(tokens_file=file, start_worker=False, trusted_proxies=("127.0.0.1",))
     give("ada", "admin")
+    time.sleep(0.2)
     behind = {"X-Forwarded-For": "203.0.113.9, 198.51.100.7"}
 
     service.client.get("/v1/models", headers=behind)
@@ -309,7 +432,7 @@ def test_several_processes_take_up_a_new_token(own_process, store, publish, move
     file.touch()
     client, process = own_process(workers=2, threads=1, tokens_file=file, start_worker="false")
     add(file, StoredToken("ada", "admin", digest_of(token.encode())))
-    time.sleep(1.5)
+    time.sleep(2.5)
 
     for number in range(12):  # each over a connection of its own: both processes get some
         with httpx.Client(base_url=client.base_url, timeout=30, headers=bearer(token), **PLAIN) as fresh:

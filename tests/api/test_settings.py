@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,7 @@ def test_an_empty_variable_counts_as_unset(monkeypatch):
         ("max_points", "1", "2 to 10000000"),
         ("max_body_bytes", "x", "1024 to 1073741824"),
         ("keep_jobs_days", "0", "1 to 36500"),
+        ("failed_logins_free", "0", "1 to 1000"),
     ],
 )
 def test_a_wrong_value_names_variable_value_and_range(monkeypatch, field, value, allowed):
@@ -85,6 +87,40 @@ def test_an_unknown_variable_stops_the_start_with_the_nearest_name(monkeypatch):
 
     with pytest.raises(SettingsError, match=r"no setting ROVER_TWIN_PROT; the nearest is ROVER_TWIN_PORT"):
         load_settings()
+
+
+def test_the_nearest_name_is_one_of_a_setting(monkeypatch):
+    settings = {f"{PREFIX}{name.upper()}" for name in Settings.model_fields}
+    for variable in ("ROVER_TWIN_", "ROVER_TWIN_TOKENS", "ROVER_TWIN_IMAGES", "ROVER_TWIN_URLS"):
+        with monkeypatch.context() as patch:
+            patch.setenv(variable, "1")
+            with pytest.raises(SettingsError) as caught:
+                load_settings()
+        assert str(caught.value).rpartition(" ")[2] in settings
+
+
+def test_origins_are_as_browsers_send_them(monkeypatch):
+    origins = ["*", "https://a.example", "http://localhost:3000", "http://[::1]:8080"]
+    monkeypatch.setenv("ROVER_TWIN_CORS_ORIGINS", json.dumps(origins))
+
+    assert load_settings().cors_origins == tuple(origins)
+
+
+@pytest.mark.parametrize("origin", ["notanorigin", "https://a.example/", "HTTPS://B.example", "https://", "", "null"])
+def test_what_no_browser_sends_is_no_origin(monkeypatch, origin):
+    monkeypatch.setenv("ROVER_TWIN_CORS_ORIGINS", json.dumps(["https://a.example", origin]))
+
+    with pytest.raises(SettingsError, match=r"ROVER_TWIN_CORS_ORIGINS is .* a JSON list of origins") as caught:
+        load_settings()
+    assert "\n" not in str(caught.value)
+
+
+def test_a_database_of_another_kind_is_told_which_there_are(monkeypatch):
+    monkeypatch.setenv("ROVER_TWIN_JOBS_DATABASE_URL", "mysql://user:password@host/jobs")
+
+    with pytest.raises(SettingsError, match="sqlite:///FILE or postgresql://") as caught:
+        load_settings()
+    assert "password" not in str(caught.value)
 
 
 def test_what_kubernetes_injects_beside_is_recognised(monkeypatch):

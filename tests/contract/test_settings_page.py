@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from service.allowed import allowed_values
-from service.settings import PREFIX, Settings
+from service.settings import PREFIX, SECRETS, Settings
 
 PAGE = Path(__file__).parent.parent.parent / "docs" / "settings.md"
 
@@ -16,6 +16,11 @@ def page() -> str:
         default = field.get("default", "the store that ships with the service" if name == "store_url" else "unset")
         shown = "unset" if default is None else f"`{default}`" if name != "store_url" else default
         rows.append(f"| `{PREFIX}{name.upper()}` | {field['description']} | {allowed_values(field)} | {shown} |")
+        if name in SECRETS:
+            meaning = (
+                f"File that has the value of `{PREFIX}{name.upper()}`, white space around it aside; set one of both."
+            )
+            rows.append(f"| `{PREFIX}{name.upper()}_FILE` | {meaning} | the path of a file | unset |")
     head = (
         "# Settings\n\nEnvironment variables of `rover-twin serve`. "
         "With a wrong value the service does not start, and one line says why.\n"

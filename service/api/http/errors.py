@@ -42,6 +42,7 @@ from service.api.http.exceptions import (
     NotReadyError,
     PreconditionFailedError,
     PreconditionRequiredError,
+    RepeatedHeaderError,
     TooManyAttemptsError,
     UnauthorizedError,
     UnsupportedMediaTypeError,
@@ -99,6 +100,7 @@ _SLUGS: tuple[tuple[type[Exception], Slug], ...] = (
     (HeadTooLargeError, Slug.HEAD_TOO_LARGE),
     (HeadTooSlowError, Slug.HEAD_TOO_SLOW),
     (MalformedHeadError, Slug.MALFORMED_HEAD),
+    (RepeatedHeaderError, Slug.MALFORMED_HEAD),
     (DatasetInUseError, Slug.DATASET_IN_USE),
     (PreconditionFailedError, Slug.PRECONDITION_FAILED),
     (PreconditionRequiredError, Slug.PRECONDITION_REQUIRED),
@@ -171,8 +173,8 @@ class ErrorAnswers:
         """The answer to a request to `path` that ended in `error`. What nobody foresaw is logged in full."""
         for prefix, form in self._forms.items():
             if path == prefix or path.startswith(prefix + "/"):
-                return form(error, lambda error: told(error, path))
-        return problem(told(error, path), path)
+                return form(error, told)
+        return problem(told(error), path)
 
     def install(self, app: FastAPI) -> None:
         """Let every error that a route raises be answered so."""
@@ -198,15 +200,15 @@ def _methods_of(request: Request) -> str:
     return ", ".join(sorted(method.upper() for method in methods))
 
 
-def told(error: Exception, path: str) -> Told:
+def told(error: Exception) -> Told:
     """What an answer tells of an error. What nobody foresaw is logged in full."""
     if isinstance(error, RequestValidationError):
         return _of_validation(error)
     if isinstance(error, HTTPException):
-        return _of_http(error, path)
+        return _of_http(error)
     slug = next((slug for kind, slug in _SLUGS if isinstance(error, kind)), Slug.INTERNAL)
     if slug is Slug.INTERNAL:
-        _log.error("a request failed", path=path[:200], exc_info=error)
+        _log.error("a request failed", exc_info=error)
         return _tell(slug, _FAILED)
     if slug is Slug.STORAGE_FULL:
         _log.error("the storage is full", reason=str(error))
@@ -293,7 +295,7 @@ def _of_validation(error: RequestValidationError) -> Told:
     return _tell(Slug.INVALID_INPUT, summary_of(faults), {"errors": [each.as_json() for each in faults]})
 
 
-def _of_http(error: HTTPException, path: str) -> Told:
+def _of_http(error: HTTPException) -> Told:
     slug = _HTTP_SLUGS.get(error.status_code, Slug.INTERNAL)
     headers = dict(error.headers or {})
     if slug is Slug.NOT_FOUND:
@@ -305,7 +307,7 @@ def _of_http(error: HTTPException, path: str) -> Told:
         reason = "it is nested too deeply" if isinstance(cause, RecursionError) else str(cause)[:200]
         detail = f"the body cannot be read: {reason}"
     elif slug is Slug.INTERNAL:
-        _log.error("a request failed", path=path[:200], exc_info=error)
+        _log.error("a request failed", exc_info=error)
         detail = _FAILED
     else:
         detail = error.detail

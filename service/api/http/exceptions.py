@@ -80,6 +80,13 @@ class MalformedHeadError(RoverTwinError):
     """What came is no HTTP request."""
 
 
+class RepeatedHeaderError(RoverTwinError):
+    """A header came several times that may come once."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"the header {name} was sent several times; send it once")
+
+
 class PreconditionFailedError(RoverTwinError):
     """What `If-Match` or `If-None-Match` demands does not hold (any more)."""
 

@@ -14,21 +14,20 @@ MOST_IN_FULL = 32
 _LINE = 100  # characters
 
 
-def problems_of(failures: Mapping[int, Exception], path: str) -> list[dict[str, Any]]:
+def problems_of(failures: Mapping[int, Exception]) -> list[dict[str, Any]]:
     """The problems by rising `index`.
 
-    Each is what the route at `path` would answer if it were alone, without what only a whole answer has. Beyond
+    Each is what the route would answer if it were alone, without what only a whole answer has. Beyond
     the first `MOST_IN_FULL` they have a short `detail` and no `errors`.
     """
     return [
-        problem_of(index, failures[index], path, short=count >= MOST_IN_FULL)
-        for count, index in enumerate(sorted(failures))
+        problem_of(index, failures[index], short=count >= MOST_IN_FULL) for count, index in enumerate(sorted(failures))
     ]
 
 
-def problem_of(index: int, error: Exception, path: str, *, short: bool = False) -> dict[str, Any]:
+def problem_of(index: int, error: Exception, *, short: bool = False) -> dict[str, Any]:
     """One of them."""
-    described = told(error, path)
+    described = told(error)
     found = {"index": index, **problem_members(described)}
     if not short:
         return {**found, **described.members}

@@ -109,7 +109,12 @@ _ROWS = (
     ProblemKind(
         Slug.HEAD_TOO_SLOW, 408, "Request timeout", "The head of the request did not come in time; send it at once."
     ),
-    ProblemKind(Slug.MALFORMED_HEAD, 400, "Malformed request", "What came is no HTTP request."),
+    ProblemKind(
+        Slug.MALFORMED_HEAD,
+        400,
+        "Malformed request",
+        "What came is no HTTP request, or has a header several times that may come once.",
+    ),
     ProblemKind(
         Slug.NOT_ACCEPTABLE,
         406,

@@ -169,7 +169,7 @@ def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded, count: Cou
         frame=shared.frame,
         batch=batch,
         indices=question.indices[rows],
-        failures=problems_of(failures, PATH),
+        failures=problems_of(failures),
         with_prior=shared.wants_prior,
         with_band=Include.BAND in shared.include,
         with_speed=shared.wants_speed,

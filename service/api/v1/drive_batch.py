@@ -135,6 +135,6 @@ def _driven(question: DrivesQuestion, loaded: Loaded, count: CountDrive) -> Driv
         frame=wanted.frame,
         drives=list(found.values()),
         indices=np.array(list(found), dtype=np.intp),
-        failures=problems_of(failures, PATH),
+        failures=problems_of(failures),
         band_level=wanted.band_level if wanted.band else None,
     )

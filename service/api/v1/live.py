@@ -20,6 +20,7 @@ from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import Message, Receive, Scope, Send
 
+from service.access.tokens import Scope as TokenScope
 from service.api.http.errors import problem, problem_members, told
 from service.api.http.limits.worker_threads import OverloadedError
 from service.api.http.reading import parsed
@@ -33,7 +34,7 @@ PATH = "/v1/live"
 MAX_MESSAGE_BYTES = 4 << 20
 """Of a thousand rovers with their states; a longer one ends the connection with code 1009."""
 
-GOING_AWAY, SLOW, FAILED, IDLE = 1001, 1008, 1011, 4408
+GOING_AWAY, SLOW, FAILED, REVOKED, IDLE = 1001, 1008, 1011, 4401, 4408
 """Close codes."""
 
 _log = structlog.get_logger(__name__)
@@ -42,13 +43,13 @@ _log = structlog.get_logger(__name__)
 class LiveConnection:
     """One client's connection: reads, answers, and is told to stop by the clock or by the server's end."""
 
-    def __init__(self, services: Services, receive: Receive, send: Send) -> None:
-        self._services, self._receive, self._send = services, receive, send
+    def __init__(self, services: Services, scope: Scope, receive: Receive, send: Send) -> None:
+        self._services, self._scope, self._receive, self._send = services, scope, receive, send
         settings = services.settings
         self._idle_s, self._slow_s, self._most = settings.live_idle_s, settings.live_slow_s, settings.max_live_rovers
         self._fleet = Fleet(self._most)
         self._task = asyncio.current_task()
-        self._stop = ""  # why it is to stop: draining, idle or slow
+        self._stop = ""  # why it is to stop: draining, idle, slow or revoked
         self._waits, self._sends = False, False
         self._since = time.monotonic()  # when it began to wait or to send
         self._kept = 0
@@ -58,12 +59,17 @@ class LiveConnection:
         self._stop_for("draining", at_once=self._waits)
 
     def watch(self) -> None:
-        """Called now and then: stops one that waits or sends for too long."""
+        """Called now and then: stops one that waits or sends for too long, or whose token is not in force any more."""
         gone = time.monotonic() - self._since
         if self._waits and gone > self._idle_s:
             self._stop_for("idle", at_once=True)
         elif self._sends and gone > self._slow_s:
             self._stop_for("slow", at_once=True)
+        elif self._services.settings.require_token and not self._admitted():
+            self._stop_for("revoked", at_once=self._waits or self._sends)
+
+    def _admitted(self) -> bool:
+        return self._services.access.still_holds(self._scope, TokenScope.READ)
 
     def _stop_for(self, why: str, *, at_once: bool) -> None:
         if self._stop:
@@ -118,7 +124,7 @@ class LiveConnection:
             found = None if rover is None else self._answer_to_one(rover)
             return await self._answer_to_many(len(content), lambda: document) if found is None else found
         except Exception as error:
-            described = told(error, PATH)
+            described = told(error)
             return orjson.dumps({"error": {**problem_members(described), **described.members}})
 
     def _answer_to_one(self, rover: RoverStep) -> bytes | None:
@@ -132,7 +138,7 @@ class LiveConnection:
         refused = isinstance(found, Exception)
         self._services.instruments.stepped(PATH, int(not refused), int(refused), time.perf_counter() - began)
         if isinstance(found, Exception):
-            return encode_steps(Stepped([], {}), [rover_problem(0, rover.id, found, PATH)], with_state=False)
+            return encode_steps(Stepped([], {}), [rover_problem(0, rover.id, found)], with_state=False)
         return encode_one(rover.id, *found)
 
     async def _answer_to_many(self, size_bytes: int, document: Callable[[], object]) -> bytes:
@@ -140,7 +146,7 @@ class LiveConnection:
             return read_steps(document(), live=True, most=self._most)
 
         def answer(question: StepsQuestion, found: Stepped) -> bytes:
-            return encode_steps(found, problems(question, found, PATH), with_state=question.with_state)
+            return encode_steps(found, problems(question, found), with_state=question.with_state)
 
         return await Stepping(self._services, PATH, self._fleet, read, answer).done(size_bytes)
 
@@ -151,7 +157,10 @@ class LiveConnection:
             self._kept = now
 
     async def _part(self) -> None:
-        """Hands the states back, unless the client does not read, and closes."""
+        """Hands the states back, unless the client does not read or has no token any more, and closes."""
+        if self._stop == "revoked":
+            await self._close(REVOKED, "revoked: the token of this connection is not in force any more")
+            return
         if self._stop == "slow":
             await self._close(SLOW, f"slow reader: an answer was not taken for {self._slow_s:g} s")
             return
@@ -180,11 +189,11 @@ class LiveEndpoint:
         if services.lifecycle.ending or len(there_are) >= most:
             services.instruments.live_ended("refused")
             said = "the server ends" if services.lifecycle.ending else f"{most} live connections are open already"
-            refusal = problem(told(OverloadedError(f"{said}; try again in 1 s"), PATH), PATH)
+            refusal = problem(told(OverloadedError(f"{said}; try again in 1 s")), PATH)
             await _refuse(refusal.status_code, refusal.raw_headers, bytes(refusal.body), send)
             return
         await send({"type": "websocket.accept"})
-        await self._follow(LiveConnection(services, receive, send), services)
+        await self._follow(LiveConnection(services, scope, receive, send), services)
 
     async def _follow(self, connection: LiveConnection, services: Services) -> None:
         there_are, instruments, why = services.lifecycle.live, services.instruments, "failed"

@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import BaseModel
 
 import service
-from service.api.v1.live import GOING_AWAY, IDLE, MAX_MESSAGE_BYTES, PATH, SLOW
+from service.api.v1.live import GOING_AWAY, IDLE, MAX_MESSAGE_BYTES, PATH, REVOKED, SLOW
 from service.wire.steps.answer import MessageError, Parting, StepsAnswer
 from service.wire.steps.question import LiveBody
 
@@ -31,7 +31,8 @@ handshake with 401 unless it has `Authorization: Bearer <token>`.
 
 Close codes: {GOING_AWAY} the server ends (after `parting`); {IDLE} no message came for 300 s (after `parting`);
 {SLOW} an answer was not taken for 5 s (full buffers may swallow this code); 1009 the message was too long; 1011 no
-answer to a ping, or a fault of the service."""
+answer to a ping, or a fault of the service; {REVOKED} a service that requires tokens found that this connection's is
+not in force any more, within about two seconds and without `parting`."""
 
 
 def asyncapi_document() -> dict[str, Any]:

@@ -89,15 +89,15 @@ def _is_small(question: StepsQuestion) -> bool:
     return len(question) <= _ROVERS_AT_ONCE and float(question.dt_s.sum()) <= SECONDS_AT_ONCE
 
 
-def problems(question: StepsQuestion, found: Stepped, path: str) -> list[dict[str, Any]]:
+def problems(question: StepsQuestion, found: Stepped) -> list[dict[str, Any]]:
     """The problems of rovers that were not moved on, in order, without what only a whole answer has."""
     return [
-        rover_problem(at, question.sent_ids[at], found.failures[at], path, short=count >= MOST_IN_FULL)
+        rover_problem(at, question.sent_ids[at], found.failures[at], short=count >= MOST_IN_FULL)
         for count, at in enumerate(sorted(found.failures))
     ]
 
 
-def rover_problem(index: int, name: object, error: Exception, path: str, *, short: bool = False) -> dict[str, Any]:
+def rover_problem(index: int, name: object, error: Exception, *, short: bool = False) -> dict[str, Any]:
     """That of one rover, at its place among those that were sent."""
     sent = printable(name[:MAX_SHOWN]) if isinstance(name, str) else None
-    return problem_of(index, error, path, short=short) | {"id": sent}
+    return problem_of(index, error, short=short) | {"id": sent}

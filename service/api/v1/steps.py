@@ -99,7 +99,7 @@ async def post_steps(form: Annotated[StepsQuery, Query()], request: Request, ser
 
 def _answer(question: StepsQuestion, found: Stepped, form: StepsFormat) -> Response:
     """Never compressed: it must be there soon, and states hardly shrink."""
-    errors = problems(question, found, PATH)
+    errors = problems(question, found)
     if form is StepsFormat.ARROW:
         content = encode_arrow_steps(found, errors)
     else:

@@ -5,6 +5,10 @@ from __future__ import annotations
 import json
 import signal
 
+from structlog.testing import capture_logs
+
+from service.api.http.errors import ErrorAnswers
+
 
 def test_each_request_is_one_json_line(store, publish, move, question, own_process):
     move(store, publish(store))
@@ -26,3 +30,12 @@ def test_each_request_is_one_json_line(store, publish, move, question, own_proce
     assert {line["client"] for line in requests} == {"127.0.0.1"}
     assert [(line["route"], line["status"]) for line in requests[1:]] == [("/v1/models/{name}", 404), ("no route", 404)]
     assert "secret" not in "".join(json.dumps(line) for line in requests)
+
+
+def test_a_fault_is_logged_without_the_path():
+    with capture_logs() as lines:
+        answer = ErrorAnswers({})(RuntimeError("a fault"), "/v1/models/secret-name")
+
+    assert answer.status_code == 500
+    assert [(line["event"], str(line["exc_info"])) for line in lines] == [("a request failed", "a fault")]
+    assert "secret" not in str(lines)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 
 import anyio
 import structlog
@@ -37,9 +37,14 @@ def new_events(queue: JobQueue, job_id: str, after: int | None) -> Sequence[JobE
 
 
 async def follow(
-    services: Services, queue: JobQueue, job_id: str, news: Sequence[JobEvent], after: int | None
+    services: Services,
+    queue: JobQueue,
+    job_id: str,
+    news: Sequence[JobEvent],
+    after: int | None,
+    admitted: Callable[[], bool],
 ) -> AsyncIterator[ServerSentEvent]:
-    """`news`, then what comes, until the job's last event, the end of the server, or an hour.
+    """`news`, then what comes, until the job's last event, the end of the server, an hour, or no longer `admitted`.
 
     A database that fails ends it too: the client comes back with its `Last-Event-ID`, and is told so then.
     """
@@ -52,6 +57,9 @@ async def follow(
         if (news and is_last(news[-1])) or services.lifecycle.ending or time.monotonic() > ends_at:
             return
         await anyio.sleep(POLL_S)
+        if not admitted():
+            _log.info("a stream of events ended: its token is not in force any more", job=job_id)
+            return
         try:
             news = await _look(services, queue, job_id, after)
         except (JobError, OverloadedError) as error:

@@ -11,6 +11,7 @@ from pydantic.json_schema import SkipJsonSchema
 
 from model_store import DatasetNotFoundError, InvalidReferenceError
 from model_store.layout import is_job_id
+from service.access.tokens import Scope
 from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute
 from service.api.http.event_stream import EventStream
 from service.api.http.negotiation import choose
@@ -247,7 +248,7 @@ async def get_log(
         200: {
             "description": "Server-sent events: `state`, `progress` and `log`, each with a number as its `id` and a "
             "JSON object with `time` as its data; a comment every 15 s. The stream ends with the job's last state. "
-            "After a lost connection, `Last-Event-ID` continues it.",
+            "After a lost connection, `Last-Event-ID` continues it. It ends early when its token is revoked.",
             "content": {"text/event-stream": {"schema": {"type": "string"}, "example": STREAM_EXAMPLE}},
         },
         204: {"description": "The job has ended and there is no later event. Do not ask again."},
@@ -257,6 +258,7 @@ async def get_log(
 async def get_events(
     job_id: JobId,
     asked: Annotated[EventsQuery, Query()],
+    request: Request,
     _: Admin,
     queue: Queue,
     services: TheServices,
@@ -268,7 +270,11 @@ async def get_events(
     news = await services.job_calls.run(lambda: new_events(queue, job_id, after))
     if news is None:
         return Response(status_code=204)
-    return EventStream(follow(services, queue, job_id, news, after), services.listeners)
+
+    def admitted() -> bool:
+        return services.access.still_holds(request.scope, Scope.READ)
+
+    return EventStream(follow(services, queue, job_id, news, after, admitted), services.listeners)
 
 
 def _event_number(text: str) -> int:
