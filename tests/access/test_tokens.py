@@ -278,6 +278,7 @@ def test_a_change_by_root_keeps_the_owner(file):
 
 
 @ROOT_ONLY
+@pytest.mark.processes
 @pytest.mark.parametrize("change", ["add", "remove"])
 def test_where_the_owner_cannot_be_kept_nothing_changes(change):
     with tempfile.TemporaryDirectory(dir="/tmp") as folder:  # whose parents anybody may enter
