@@ -325,8 +325,9 @@ class ModelStore:
         return self._datasets.add_name(dataset_id, name, created_by=created_by)
 
     def forget_dataset_name(self, dataset_id: str, name: str) -> None:
-        """Take a name from a dataset, given by its whole id. Raises NotFoundError where it has none of this name, and
-        ConflictError for the one that it was put with, which stays.
+        """Take a name from a dataset, given by its whole id.
+
+        Raises DatasetNotFoundError where it has none of this name, ConflictError for the one that it was put with.
         """
         self._datasets.remove_name(dataset_id, name)
 

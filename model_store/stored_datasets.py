@@ -87,7 +87,9 @@ class Datasets:
                 f"dataset {dataset_id} was stored as {name!r}, which stays: delete the dataset, or use whole ids"
             )
         if name not in self.names(record):
-            raise NotFoundError(f"dataset {dataset_id} has no name {name!r}; it has {', '.join(self.names(record))}")
+            raise DatasetNotFoundError(
+                f"dataset {dataset_id} has no name {name!r}; it has {', '.join(self.names(record))}"
+            )
         self._backend.remove(place)
 
     def require_name(self, dataset_id: str, name: str) -> None:

@@ -257,7 +257,7 @@ async def delete_dataset(reference: Reference, services: TheServices) -> Respons
     status_code=204,
     response_class=Response,
     response_model=None,
-    responses=_NO_DATASET | problem_responses(Slug.CONFLICT, Slug.NOT_FOUND),
+    responses=_NO_DATASET | problem_responses(Slug.CONFLICT),
 )
 async def forget_name(
     reference: Reference, name: Annotated[str, Path(description="A name of it.")], services: TheServices
