@@ -233,5 +233,5 @@ def test_a_name_is_taken_once_and_can_be_taken_away(store, tmp_path):
     assert first in refused.error
     assert call("datasets", "forget-name", first, "twin", "--store", store).code == 0
     assert call("datasets", "forget-name", first, "twin", "--store", store).code == ExitCode.NOT_FOUND
-    assert call("datasets", "forget-name", first, "born", "--store", store).code == ExitCode.REFUSED
+    assert call("datasets", "forget-name", first, "born", "--store", store).code == ExitCode.FAILED
     assert call(*other).code == 0
