@@ -73,6 +73,10 @@ class ConflictError(StoreError):
     """Somebody else changed the same thing first; look again, then decide again."""
 
 
+class DatasetNameTakenError(ConflictError):
+    """Another dataset is found by this name; with both, neither would be."""
+
+
 class VersionInUseError(ConflictError):
     """A version cannot be archived or deleted: `aliases` name it, or it is what a service answers with by default."""
 

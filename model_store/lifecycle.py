@@ -72,8 +72,8 @@ class Lifecycle:
     def state(self, name: str, version: int) -> tuple[State, LifecycleRecord | None]:
         """Where the version stands, and the record that says so; None for one that was never archived."""
         newest = self.newest(name)
-        found = None if newest is None else newest.retired.get(str(version))
-        return ("published", None) if found is None else (found.state, self.record(name, found.seq))
+        state, seq = state_in(newest, version)
+        return state, (self.record(name, seq) if seq else None)
 
     def require_usable(self, name: str, version: int) -> None:
         """Raises VersionArchivedError or VersionDeletedError."""
@@ -125,16 +125,27 @@ class Lifecycle:
     ) -> LifecycleRecord | None:
         moves = [each for each in _moves(newest) if not self._settled(name, each)]
         seq = 1 if newest is None else newest.seq + 1
-        retired = dict(newest.retired) if newest else {}
+        retired, restored = (dict(newest.retired), dict(newest.restored)) if newest else ({}, {})
         if what == "published":
             retired.pop(str(version), None)
+            restored[str(version)] = seq
         elif what != "move":
+            restored.pop(str(version), None)
             retired[str(version)] = Retired(state=what, seq=seq)
-        record = _new_record(seq, what, version, actor, reason, retired, [*moves, move] if move else moves)
+        record = _new_record(seq, what, version, actor, reason, retired, restored, [*moves, move] if move else moves)
         if not self._backend.create_or_confirm(layout.lifecycle_record(name, seq), render(record)):
             return None
         self._newest[name] = record
         return record
+
+
+def state_in(newest: LifecycleRecord | None, version: int) -> tuple[State, int]:
+    """Where the version stands after this record, and since which one; 0 for one that was never archived."""
+    if newest is None:
+        return "published", 0
+    if (found := newest.retired.get(str(version))) is not None:
+        return found.state, found.seq
+    return "published", newest.restored.get(str(version), 0)
 
 
 def _require_usable(newest: LifecycleRecord | None, name: str, version: int) -> None:
@@ -157,6 +168,7 @@ def _new_record(
     actor: str,
     reason: str,
     retired: dict[str, Retired],
+    restored: dict[str, int],
     moves: list[OpenMove],
 ) -> LifecycleRecord:
     try:
@@ -168,6 +180,7 @@ def _new_record(
             actor=actor,
             reason=reason,
             retired=retired,
+            restored=restored,
             moves=moves,
         )
     except ValidationError as error:

@@ -60,6 +60,7 @@ class LifecycleRecord(Document):
     actor: Actor
     reason: Note = ""
     retired: dict[str, Retired] = Field(default_factory=dict)
+    restored: dict[str, int] = Field(default_factory=dict)  # the record of the last restoring, of each version in use
     moves: list[OpenMove] = Field(default_factory=list)
 
 

@@ -8,7 +8,7 @@ from model_store import layout
 from model_store.aliases import Aliases
 from model_store.backend import Backend
 from model_store.errors import ConflictError, VersionDeletedError, VersionInUseError
-from model_store.lifecycle import Lifecycle
+from model_store.lifecycle import Lifecycle, state_in
 from model_store.records import LifecycleRecord, Retired
 from model_store.versions import Versions
 
@@ -33,7 +33,7 @@ class Retirement:
         self._versions.require(name, version)
         for newest in self._lifecycle.looks(name):
             found = _of(newest, version)
-            _check_expected(name, version, found, expected_seq)
+            _check_expected(name, version, newest, expected_seq)
             if found is None:
                 return None
             if found.state == "deleted":
@@ -62,7 +62,7 @@ class Retirement:
         self._versions.require(name, version)
         for newest in self._lifecycle.looks(name):
             found = _of(newest, version)
-            _check_expected(name, version, found, expected_seq)
+            _check_expected(name, version, newest, expected_seq)
             if found is not None and found.state == state:
                 return self._lifecycle.record(name, found.seq)
             if found is not None and found.state == "deleted":
@@ -80,8 +80,7 @@ def _of(newest: LifecycleRecord | None, version: int) -> Retired | None:
     return None if newest is None else newest.retired.get(str(version))
 
 
-def _check_expected(name: str, version: int, found: Retired | None, expected: int | None) -> None:
-    seq = 0 if found is None else found.seq
+def _check_expected(name: str, version: int, newest: LifecycleRecord | None, expected: int | None) -> None:
+    state, seq = state_in(newest, version)
     if expected is not None and expected != seq:
-        state = "published" if found is None else found.state
         raise ConflictError(f"{name}@{version} is {state} since record {seq}, expected was {expected}: look again")

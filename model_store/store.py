@@ -324,6 +324,20 @@ class ModelStore:
         """
         return self._datasets.add_name(dataset_id, name, created_by=created_by)
 
+    def forget_dataset_name(self, dataset_id: str, name: str) -> None:
+        """Take a name from a dataset, given by its whole id.
+
+        Raises DatasetNotFoundError where it has none of this name, ConflictError for the one that it was put with.
+        """
+        self._datasets.remove_name(dataset_id, name)
+
+    def require_dataset_name(self, dataset_id: str, name: str) -> None:
+        """Raises DatasetNameTakenError where another dataset is found by this name: then both would be ambiguous.
+
+        Nothing is locked: of two who put two datasets under one name at the same moment, both may pass.
+        """
+        self._datasets.require_name(dataset_id, name)
+
     def dataset_names(self, record: DatasetRecord) -> list[str]:
         """Every name of a dataset: the one that it was put with, then the others, sorted."""
         return self._datasets.names(record)

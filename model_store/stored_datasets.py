@@ -15,6 +15,7 @@ from model_store.errors import (
     AlreadyExistsError,
     ConflictError,
     CorruptArtefactError,
+    DatasetNameTakenError,
     DatasetNotFoundError,
     InvalidDraftError,
     InvalidReferenceError,
@@ -77,6 +78,36 @@ class Datasets:
         except ValidationError as error:
             raise InvalidDraftError(f"name of a dataset: {error.errors(include_url=False)[0]['msg']}") from error
         return self._backend.create_or_confirm(place, render(document))
+
+    def remove_name(self, dataset_id: str, name: str) -> None:
+        """Take a name from the dataset again. The one that it was put with stays as long as the dataset."""
+        place, record = layout.dataset_name(dataset_id, name), self._read(dataset_id)
+        if name == record.name:
+            raise ConflictError(
+                f"dataset {dataset_id} was stored as {name!r}, which stays: delete the dataset, or use whole ids"
+            )
+        if name not in self.names(record):
+            raise DatasetNotFoundError(
+                f"dataset {dataset_id} has no name {name!r}; it has {', '.join(self.names(record))}"
+            )
+        self._backend.remove(place)
+
+    def require_name(self, dataset_id: str, name: str) -> None:
+        """Raises DatasetNameTakenError where anything but this dataset is found by the name (or start of an id)."""
+        try:
+            found = self.get(name)
+        except DatasetNotFoundError:
+            return
+        except InvalidReferenceError as error:
+            known = self._find(dataset_id)
+            if known is None or name not in self.names(known):
+                raise DatasetNameTakenError(f"the name cannot be given once more: {error}") from error
+            return
+        if found.id != dataset_id:
+            raise DatasetNameTakenError(
+                f"the name {name!r} already finds dataset {found.id}, which is not this one ({dataset_id}): choose "
+                "another name, or take that one from it"
+            )
 
     def names(self, record: DatasetRecord) -> list[str]:
         """The name that it was put with first, then the others, sorted."""

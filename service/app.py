@@ -97,7 +97,7 @@ def create_app(
     state = lifecycle or Lifecycle()
     access = Access(tokens_of(settings), counting, _failed_logins(settings))
     jobs = (
-        JobQueue.open(settings.jobs_url(), settings.max_queued_jobs, settings.keep_jobs_days)
+        JobQueue.open(settings.jobs_url(), settings.max_queued_jobs, settings.keep_jobs_days, settings.jobs_timeout_s)
         if settings.admin_is_on
         else None
     )
@@ -116,7 +116,7 @@ def create_app(
             instruments=counting,
             access=access,
             jobs=jobs,
-            audit=AuditLog(settings.jobs_url(), settings.audit_days) if jobs else None,
+            audit=AuditLog(settings.jobs_url(), settings.audit_days, settings.jobs_timeout_s) if jobs else None,
         )
 
         starting: list[anyio.CancelScope] = []

@@ -119,7 +119,9 @@ class Settings(BaseSettings):
     )
     jobs_timeout_s: Annotated[float, Field(ge=0.2, le=600)] = Field(
         default=4.5,
-        description="Seconds after which a request is answered with a 503 when the jobs database does not answer.",
+        description="Seconds after which a request is answered with a 503 when the jobs database does not answer: for "
+        "each call of the jobs and of the audit log, of which a request makes up to three. The first call of the jobs "
+        "in a process, which loads what talks to the database and makes its tables, may take four times as long.",
     )
     max_points: Annotated[int, Field(ge=2, le=10_000_000)] = Field(
         default=100_000, description="Largest number of points of one trajectory."

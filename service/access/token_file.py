@@ -21,7 +21,8 @@ from service.errors import RoverTwinError
 MOST_BYTES = 256 << 10
 MOST_TOKENS = 1000
 NAME_ALLOWED = "1 to 63 of A-Z a-z 0-9 . _ @ + -, starting with a letter or digit; `admin` is taken"
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._@+-]{0,62}")
+NAME_PATTERN = "^[A-Za-z0-9][A-Za-z0-9._@+-]{0,62}$"
+_NAME = re.compile(NAME_PATTERN)
 _DIGEST = re.compile(r"sha256:([0-9a-f]{64})")
 _SCOPES = ("read", "admin")
 _RESERVED = "admin"  # the token of the environment

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextvars import ContextVar
 from typing import Annotated, TypeVar
 from urllib.parse import quote
 
@@ -26,6 +27,7 @@ from service.api.http.problems import Slug
 from service.api.http.reading import Answer, Route
 from service.api.http.request_log import ANSWERED, CLIENT
 from service.api.services import Services, services_of
+from service.datasets.file_names import printable
 from service.errors import AuditUnavailableError
 from service.jobs.audit import Attempt
 from service.log import request_id
@@ -42,7 +44,6 @@ ADMIN_PROBLEMS = (
 )
 """What every admin route can answer besides its own problems."""
 
-AUDIT_S = 4.5
 _PREFIX = "/v1/admin"
 _SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 _OLD_ACTOR = "X-Actor"
@@ -54,6 +55,7 @@ _bearer = HTTPBearer(
     auto_error=False,
 )
 Result = TypeVar("Result")
+_subject: ContextVar[list[str] | None] = ContextVar("subject", default=None)
 _log = structlog.get_logger(__name__)
 
 
@@ -137,6 +139,12 @@ Admin = Annotated[str, Depends(require_admin)]
 """Declares that a route needs a token; its value is the actor. For routes of class `AdminRoute`."""
 
 
+def about(subject: str) -> None:
+    """Put on record what this call is about: a version, an alias, a dataset or a job; never a secret or a reason."""
+    if (said := _subject.get()) is not None:
+        said.append(printable(subject))
+
+
 def _wanted(scope: AsgiScope) -> Scope:
     return Scope.READ if scope.get("method", "GET") in _SAFE else Scope.ADMIN
 
@@ -161,11 +169,15 @@ async def _put_on_record(request: Request, services: Services, identity: Identit
         path=quote(own_path(scope)[:300], safe="/:@!$&'()*+,;=~-._"),
         request_id=request_id.get(""),
     )
-    number = await _in_time(services, lambda: audit.begin(attempt))
+    number = await audit_call(services, lambda: audit.begin(attempt))
+
+    subject: list[str] = []
+    _subject.set(subject)
 
     async def answered(status: int) -> None:
+        said = "; ".join(subject) or None
         try:
-            await _in_time(services, lambda: audit.complete(number, status))
+            await audit_call(services, lambda: audit.complete(number, status, said))
         except Exception as error:
             # it is done: to answer anything else now would only be wrong
             _log.error(
@@ -175,8 +187,10 @@ async def _put_on_record(request: Request, services: Services, identity: Identit
     scope[ANSWERED] = answered
 
 
-async def _in_time(services: Services, call: Callable[[], Result]) -> Result:
+async def audit_call(services: Services, call: Callable[[], Result]) -> Result:
+    """What a call of the audit log returns. Raises AuditUnavailableError, after `jobs_timeout_s` at the latest."""
+    patience_s = services.settings.jobs_timeout_s
     try:
-        return await services.job_calls.run(call, give_up_s=AUDIT_S)
+        return await services.job_calls.run(call, give_up_s=patience_s)
     except TimeoutError:
-        raise AuditUnavailableError(f"no answer in {AUDIT_S:g} s") from None
+        raise AuditUnavailableError(f"no answer in {patience_s:g} s") from None

@@ -29,7 +29,9 @@ from service.twin import Loaded, TwinRegistry
 UPLOADS_AT_ONCE = 2
 STORAGE_THREADS = 16
 _MUCH = 4  # times as long as a look may take what reads much
-_FIRST_CALL_S = 20.0  # what talks to the database is loaded then, and its tables are made
+_FIRST_CALL = (
+    4  # times as long may the first call take: what talks to the database is loaded then, and its tables are made
+)
 _JOB_THREADS = 4
 _HEAVY_THREADS, _HEAVY_WAITING = 1, 16
 _PROBES_WAITING = 16
@@ -97,7 +99,7 @@ class Services:
     def _jobs_gave_up(self) -> tuple[float, Exception]:
         patience_s = self.settings.jobs_timeout_s
         if self.jobs is not None and not self.jobs.is_open:
-            patience_s = max(patience_s, _FIRST_CALL_S)
+            patience_s *= _FIRST_CALL
         return patience_s, JobsUnavailableError(f"the jobs database did not answer within {patience_s:g} s")
 
     async def read_much(self, call: Callable[[], Result]) -> Result:

@@ -95,6 +95,7 @@ _WRONG_USAGE = (UsageError, InvalidValueError, IdempotencyKeyError, TokenFileErr
 def _code_of(error: Exception) -> ExitCode | None:
     """The exit code of an error that our own code raises on purpose, else None."""
     from model_store import (
+        DatasetNameTakenError,
         InvalidDraftError,
         InvalidReferenceError,
         NotFoundError,
@@ -106,7 +107,10 @@ def _code_of(error: Exception) -> ExitCode | None:
 
     if isinstance(error, (NotFoundError, JobNotFoundError)):
         return ExitCode.NOT_FOUND
-    if isinstance(error, (RefusedError, DatasetInUseError, JobStateError, VersionInUseError, VersionRetiredError)):
+    if isinstance(
+        error,
+        (RefusedError, DatasetInUseError, DatasetNameTakenError, JobStateError, VersionInUseError, VersionRetiredError),
+    ):
         return ExitCode.REFUSED
     if isinstance(error, (*_WRONG_USAGE, InvalidReferenceError, InvalidDraftError, SettingsError)):
         return ExitCode.USAGE

@@ -15,6 +15,11 @@ _LOG_BEGINS = (bytes.fromhex("377f0682"), bytes.fromhex("377f0683"))  # as SQLit
 Identity = tuple[int, int] | None
 
 
+def patience_of(timeout_s: float) -> float:
+    """Seconds after which a database is given up, so that its error comes before a request is given up."""
+    return max(timeout_s - 0.5, timeout_s / 2)
+
+
 class DatabaseFile:
     """The file of a SQLite database as it was when it was opened; on PostgreSQL there is none.
 

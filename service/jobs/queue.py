@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Self
 
 from service import tracing
 from service.errors import IdempotencyKeyError, JobNotFoundError, JobStateError, JobsUnavailableError
+from service.jobs.database_file import patience_of
 from service.jobs.job import ENDED, JobEvent, JobState, TrainingJob
 from service.jobs.record import STATUSES, event_of, final_event, first_event, job_of, moment, submitted_ms
 from service.jobs.request import TrainingJobRequest
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 # A key names its job by itself, in every replica and after every restart. Never change it.
 _KEYS = uuid.UUID("6f1b9a52-7c0e-4d61-9a53-2f0c9be6a7d4")
-_PATIENCE_S = 4.0
+_TIMEOUT_S = 4.5
 _SAME_ANSWER_S = 1.0
 _SCAN = 200  # rows per look while filtering, and how many looks: listing is bounded
 _MOST_SCANS = 50
@@ -39,8 +40,9 @@ class JobQueue:
     down is tried again by the next one, so that a service can start without it.
     """
 
-    def __init__(self, url: str, capacity: int, keep_days: int | None = None) -> None:
+    def __init__(self, url: str, capacity: int, keep_days: int | None = None, timeout_s: float = _TIMEOUT_S) -> None:
         self._url = url
+        self._patience_s = patience_of(timeout_s)
         self._keep_days = keep_days
         self._capacity = capacity
         self._lock = threading.Lock()
@@ -48,12 +50,13 @@ class JobQueue:
         self._failed = -math.inf, ""  # when opening failed last, and why
 
     @classmethod
-    def open(cls, url: str, capacity: int, keep_days: int | None = None) -> Self:
+    def open(cls, url: str, capacity: int, keep_days: int | None = None, timeout_s: float = _TIMEOUT_S) -> Self:
         """The queue in `url` (sqlite:///file or postgresql://...), in which `capacity` jobs may wait.
 
         `keep_days` is how long workers keep jobs that have ended; it is told to those who ask for one that is gone.
+        A database that does not answer is given up a little before `timeout_s`.
         """
-        return cls(url, capacity, keep_days)
+        return cls(url, capacity, keep_days, timeout_s)
 
     def prune(self, store: ModelStore, keep_days: int, *, dry_run: bool = False) -> int:
         """Remove the jobs that ended more than `keep_days` ago; how many (see `service.jobs.retention`)."""
@@ -217,7 +220,7 @@ class JobQueue:
         if time.monotonic() < failed_at + _SAME_ANSWER_S:
             raise JobsUnavailableError(reason)
         try:
-            return JobsDatabase.open(self._url, patience_s=_PATIENCE_S)
+            return JobsDatabase.open(self._url, patience_s=self._patience_s)
         except JobsUnavailableError as error:
             self._failed = time.monotonic(), str(error)
             raise

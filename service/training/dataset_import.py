@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from model_store import DatasetDraft, DatasetRecord, ModelStore
+from model_store import DatasetDraft, DatasetNameTakenError, DatasetRecord, ModelStore
 from service.datasets import Dataset, ValidationReport, dataset_id, read_folder, read_parquet, summarise, to_parquet
 from service.datasets.intake import Progress
 from service.datasets.passport import PASSPORT_FILE
@@ -18,6 +18,7 @@ from service.datasets.uploads.upload_form import UploadForm, UploadLimits
 from service.errors import DatasetError
 from service.training.stored_dataset import RUNS_FILE, UploadResult
 
+_LONGEST_NAME, _DIGITS = 63, 12
 _LISTED = 1000  # a record is a small document: names of at most so many files
 
 
@@ -38,12 +39,14 @@ def import_folder(
 
     Values are rounded to the digits that `service.datasets.columns` states (0.1 micrometre for positions); no sample
     is rejected. With `step_s` at most one row per so many seconds is kept, once all of them are checked (see
-    `service.datasets.thinning`). Raises what `read_folder`, `thinned` and `ModelStore.put_dataset` raise.
+    `service.datasets.thinning`). Raises what `read_folder`, `thinned`, `ModelStore.put_dataset` and
+    `require_dataset_name` raise.
     """
     dataset, report = read_folder(folder, sets=sets, strict=strict, column_map=column_map, name=name, progress=progress)
     if step_s is not None:
         dataset = thinned(dataset, step_s)
         report = replace(report, summary=summarise(dataset))
+    store.require_dataset_name(dataset_id(dataset), name)
     record, _ = _publish(store, dataset, report, created_by, description)
     store.name_dataset(record.id, name, created_by=created_by)
     return record, report
@@ -64,7 +67,7 @@ def import_upload(
     """Read, validate and publish an uploaded file; with `dry_run` only say what would be.
 
     The same content is the same dataset whatever its file format and name: put again under another name it is stored
-    once and has both names. `filename` is what the sender calls it,
+    once and has both names. A name that finds another dataset is refused. `filename` is what the sender calls it,
     for messages only. Whatever is unpacked goes to a folder of its own below `workspace` (the system's temporary
     folder, if not given) and is removed on return. Raises RejectedDatasetError with the report, InvalidValueError for
     a column map that is not allowed, and what `ModelStore.put_dataset` raises.
@@ -78,8 +81,12 @@ def import_upload(
             limits=limits or UploadLimits(),
             progress=progress,
         )
+    identity = dataset_id(dataset)
+    if form.name is not None:
+        store.require_dataset_name(identity, form.name)
+    else:
+        dataset = replace(dataset, name=_free_name(store, identity, dataset.name))
     if dry_run:
-        identity = dataset_id(dataset)
         known = _known(store, identity)
         names = tuple(store.dataset_names(known)) if known else ()
         return UploadResult(identity, False, known, report, names, known.name if known else None)
@@ -88,6 +95,15 @@ def import_upload(
     if form.name is not None:  # one that is made of the file's name is no wish
         store.name_dataset(record.id, form.name, created_by=created_by)
     return UploadResult(record.id, created, record, report, names, form.name or record.name)
+
+
+def _free_name(store: ModelStore, identity: str, name: str) -> str:
+    """A name that was made of the file's name, told apart from that of another dataset by the id."""
+    try:
+        store.require_dataset_name(identity, name)
+    except DatasetNameTakenError:
+        return f"{name[: _LONGEST_NAME - 1 - _DIGITS]}-{identity[:_DIGITS]}"
+    return name
 
 
 def _known(store: ModelStore, identity: str) -> DatasetRecord | None:

@@ -441,3 +441,57 @@ def test_several_processes_take_up_a_new_token(own_process, store, publish, move
     entries = httpx.get(f"{client.base_url}{AUDIT}", headers=bearer(token), **PLAIN).json()["entries"]
     assert [each["status"] for each in entries] == [201] * 12
     assert process.poll() is None
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "since=0001-01-01T00:00:00%2B14:00",
+        "until=9999-12-31T23:59:59-14:00",
+        "since=0001-01-01T00:00:00",
+        "until=9999-12-31T23:59:59",
+    ],
+)
+def test_the_first_and_the_last_moment_there_is_select_everything(named, give, query):
+    ada = give("ada", "admin")
+    for _ in range(3):
+        named.client.post(f"{CHAMPION}/rollback", headers=ada)
+
+    first = named.client.get(f"{AUDIT}?limit=2&{query}", headers=ada)
+    assert first.status_code == 200, first.text
+    rest = named.client.get(first.json()["next"], headers=ada).json()
+    assert [len(first.json()["entries"]), len(rest["entries"]), rest["next"]] == [2, 1, None]
+
+
+@pytest.mark.parametrize(
+    ("query", "field", "allowed"),
+    [
+        ("actor=%00", "actor", "the name of a token: 1 to 63 of A-Z a-z 0-9"),
+        ("actor=ada%0A", "actor", "the name of a token"),
+        ("before=9223372036854775808", "before", "a whole number from 1 to 9223372036854775807"),
+    ],
+)
+def test_what_cannot_be_looked_for_names_what_can(named, give, query, field, allowed):
+    answer = named.client.get(f"{AUDIT}?{query}", headers=give("ada", "admin"))
+
+    assert answer.status_code == 422
+    (error,) = answer.json()["errors"]
+    assert error["field"] == field
+    assert allowed in error["allowed"]
+
+
+def test_a_row_says_what_the_call_was_about(named, give):
+    ada = give("ada", "admin")
+    versions = "/v1/admin/models/viper-lunar/versions"
+    calls = [
+        ("PUT", CHAMPION, {"version": 1, "reason": "a secret reason"}, "viper-lunar@champion -> 1"),
+        ("POST", f"{versions}/2/archive", {"reason": "a secret reason"}, "viper-lunar@2"),
+        ("PUT", CHAMPION, {"nonsense": "a secret reason"}, None),
+    ]
+    for method, path, body, _ in calls:
+        named.client.request(method, path, json=body, headers=ada)
+
+    answer = named.client.get(AUDIT, headers=ada)
+
+    assert [each["subject"] for each in answer.json()["entries"]] == [said for *_, said in reversed(calls)]
+    assert "secret" not in answer.text

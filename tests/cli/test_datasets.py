@@ -219,3 +219,19 @@ def _run(name, speed, slope):
     time = np.linspace(0.0, 2.0, 41)
     columns = {"time_s": time, "rear_x_m": speed * time, "rear_y_m": np.full(41, 0.24), "speed_mps": np.full(41, speed)}
     return Run(name, "a set", slope, 430.0, 60.0, 2.0, columns)
+
+
+def test_a_name_is_taken_once_and_can_be_taken_away(store, tmp_path):
+    folder = write_runs(tmp_path / "runs")
+    scenario = ("--slope-deg", "20", "--mass-kg", "430", "--torque-nm", "60", "--passport", folder / "passport.json")
+    upload = ("datasets", "upload", folder / "runs" / "s20.csv.gz", *scenario, "--store", store, "--name")
+    first = call(*upload, "born", "--json").json["id"]
+    assert call(*upload, "twin").code == 0
+    other = ("datasets", "import", folder, "--store", store, "--name", "twin")
+    refused = call(*other)
+    assert refused.code == ExitCode.REFUSED
+    assert first in refused.error
+    assert call("datasets", "forget-name", first, "twin", "--store", store).code == 0
+    assert call("datasets", "forget-name", first, "twin", "--store", store).code == ExitCode.NOT_FOUND
+    assert call("datasets", "forget-name", first, "born", "--store", store).code == ExitCode.FAILED
+    assert call(*other).code == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 
@@ -39,6 +40,55 @@ def test_a_row_is_there_before_the_status_is_known(log):
     assert before - timedelta(seconds=1) <= row.at <= datetime.now(UTC) + timedelta(seconds=1)
     log.complete(number, 201)
     assert [each.status for each in log.page(limit=10)] == [201]
+
+
+def test_what_a_call_was_about_is_kept_and_bounded(log):
+    number, silent = log.begin(attempt()), log.begin(attempt())
+    log.complete(number, 200, "x" * 5000)
+    log.complete(silent, 404)
+
+    assert [each.subject for each in log.page(limit=10)] == [None, "x" * 300]
+
+
+def test_a_table_that_was_dropped_is_made_again(log, jobs_url):
+    log.begin(attempt())
+    log.complete(1, 200)
+    engine = sa.create_engine(jobs_url.replace("postgresql://", "postgresql+psycopg://"))
+
+    for call in (lambda: log.begin(attempt()), lambda: log.page(limit=1), lambda: log.complete(1, 200), log.forget):
+        with engine.begin() as connection:
+            connection.execute(sa.text(f"DROP TABLE {TABLE}"))
+        call()
+    log.complete(log.begin(attempt()), 200)
+    engine.dispose()
+    assert [each.status for each in log.page(limit=10)] == [200]
+
+
+def test_a_table_from_before_there_were_subjects_gets_them(log, jobs_url):
+    number = log.begin(attempt())
+    engine = sa.create_engine(jobs_url.replace("postgresql://", "postgresql+psycopg://"))
+    with engine.begin() as connection:
+        connection.execute(sa.text(f"ALTER TABLE {TABLE} DROP COLUMN subject"))
+    engine.dispose()
+
+    newer = AuditLog(jobs_url, 365)
+    newer.complete(number, 200, "viper@1")
+    assert [(each.id, each.subject) for each in newer.page(limit=10)] == [(number, "viper@1")]
+
+
+@pytest.mark.parametrize("timeout_s", [0.5, 1.5])
+def test_a_locked_table_is_given_up_within_the_time(jobs_url, timeout_s):
+    log = AuditLog(jobs_url, 365, timeout_s)
+    log.begin(attempt())
+    engine = sa.create_engine(jobs_url.replace("postgresql://", "postgresql+psycopg://"))
+    lock = f"LOCK TABLE {TABLE}" if engine.dialect.name == "postgresql" else "BEGIN IMMEDIATE"
+    with engine.connect() as connection:
+        connection.exec_driver_sql(lock)
+        began = time.monotonic()
+        with pytest.raises(AuditUnavailableError):
+            log.begin(attempt())
+        assert time.monotonic() - began < timeout_s + 0.5  # and what a busy machine adds
+    engine.dispose()
 
 
 def test_another_log_on_the_same_database_sees_the_same(log, jobs_url):

@@ -7,9 +7,11 @@ import pytest
 from model_store import (
     ConflictError,
     DatasetDraft,
+    DatasetNameTakenError,
     DatasetNotFoundError,
     InvalidDraftError,
     InvalidReferenceError,
+    NotFoundError,
     stored_datasets,
 )
 
@@ -50,6 +52,31 @@ def test_a_name_of_two_datasets_is_ambiguous(named):
     with pytest.raises(InvalidReferenceError, match="ambiguous"):
         named.dataset("second")
     assert named.dataset("first").id == ID
+
+
+def test_a_name_that_finds_another_one_is_taken(named):
+    for name in ("first", "second", ID[:6]):
+        with pytest.raises(DatasetNameTakenError, match=ID):
+            named.require_dataset_name(OTHER, name)
+        named.require_dataset_name(ID, name)
+    named.require_dataset_name(OTHER, "free")
+
+
+def test_an_ambiguous_name_can_be_taken_away_again_but_for_the_first(named):
+    named.put_dataset(OTHER, {"x": b"y"}, DatasetDraft(name="second", created_by="me"))
+    with pytest.raises(DatasetNameTakenError, match="ambiguous"):
+        named.require_dataset_name("ef" * 32, "second")
+
+    named.forget_dataset_name(ID, "second")
+
+    assert named.dataset("second").id == OTHER
+    assert named.dataset_names(named.dataset(ID)) == ["first"]
+    with pytest.raises(NotFoundError):
+        named.forget_dataset_name(ID, "second")
+    with pytest.raises(ConflictError):
+        named.forget_dataset_name(ID, "first")
+    with pytest.raises(DatasetNotFoundError):
+        named.forget_dataset_name("ef" * 32, "first")
 
 
 def test_what_is_no_name_or_no_dataset_is_refused(named, monkeypatch):

@@ -12,6 +12,7 @@ import structlog
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.types import Scope
 
 from model_store import (
@@ -19,6 +20,7 @@ from model_store import (
     AlreadyExistsError,
     ConflictError,
     CorruptArtefactError,
+    DatasetNameTakenError,
     DatasetNotFoundError,
     InvalidDraftError,
     ModelNotFoundError,
@@ -88,7 +90,8 @@ _SLUGS: tuple[tuple[type[Exception], Slug], ...] = (
     (UnsupportedMediaTypeError, Slug.UNSUPPORTED_MEDIA_TYPE),
     (NotAcceptableError, Slug.NOT_ACCEPTABLE),
     (OverloadedError, Slug.OVERLOADED),
-    (ClientGoneError, Slug.OVERLOADED),
+    (ClientGoneError, Slug.CLIENT_GONE),
+    (ClientDisconnect, Slug.CLIENT_GONE),
     (AdminOffError, Slug.ADMIN_OFF),
     (UnauthorizedError, Slug.UNAUTHORIZED),
     (ForbiddenError, Slug.INSUFFICIENT_SCOPE),
@@ -107,6 +110,7 @@ _SLUGS: tuple[tuple[type[Exception], Slug], ...] = (
     (VersionInUseError, Slug.VERSION_IN_USE),
     (VersionArchivedError, Slug.VERSION_ARCHIVED),
     (VersionDeletedError, Slug.VERSION_DELETED),
+    (DatasetNameTakenError, Slug.DATASET_NAME_TAKEN),
     (ConflictError, Slug.CONFLICT),
     (JobNotFoundError, Slug.JOB_NOT_FOUND),
     (JobStateError, Slug.JOB_ENDED),
@@ -144,7 +148,9 @@ _HANG_UP = frozenset({Slug.BODY_TOO_LARGE, Slug.UPLOAD_STALLED, Slug.STORAGE_FUL
 # where the store is and what its backend said is the operator's business: log it, do not tell
 _STORE_DOWN = "the model store does not answer"
 _JOBS_DOWN = "the database of the training jobs does not answer"
+_AUDIT = "/v1/admin/audit"
 _AUDIT_DOWN = "the audit log does not answer, so nothing was done"
+_AUDIT_UNREAD = "the audit log does not answer"
 _FULL = "there is no room left for what was sent; nothing of it was kept"
 _FAILED = "the service failed on this request; its log says why"
 
@@ -221,7 +227,9 @@ def told(error: Exception) -> Told:
         return _tell(slug, _JOBS_DOWN)
     if slug is Slug.AUDIT_UNAVAILABLE:
         _log.error("the audit log is unavailable", reason=str(error))
-        return _tell(slug, _AUDIT_DOWN)
+        return _tell(slug, _AUDIT_UNREAD if path == _AUDIT else _AUDIT_DOWN)
+    if slug is Slug.CLIENT_GONE:
+        return _tell(slug, "the client hung up")
     return _tell(slug, str(error), dict(_members_of(error)), dict(_headers_of(error)))
 
 

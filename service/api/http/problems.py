@@ -27,6 +27,7 @@ class Slug(StrEnum):
     HEAD_TOO_LARGE = "head-too-large"
     HEAD_TOO_SLOW = "head-too-slow"
     MALFORMED_HEAD = "malformed-head"
+    CLIENT_GONE = "client-gone"
     NOT_ACCEPTABLE = "not-acceptable"
     NOT_FOUND = "not-found"
     MODEL_NOT_FOUND = "model-not-found"
@@ -44,6 +45,7 @@ class Slug(StrEnum):
     ADMIN_OFF = "admin-off"
     DATASET_REJECTED = "dataset-rejected"
     DATASET_IN_USE = "dataset-in-use"
+    DATASET_NAME_TAKEN = "dataset-name-taken"
     UPLOAD_STALLED = "upload-stalled"
     CONFLICT = "conflict"
     JOB_NOT_FOUND = "job-not-found"
@@ -114,6 +116,12 @@ _ROWS = (
         400,
         "Malformed request",
         "What came is no HTTP request, or has a header several times that may come once.",
+    ),
+    ProblemKind(
+        Slug.CLIENT_GONE,
+        499,
+        "Client closed request",
+        "The client hung up before it was answered. Only the log, the metrics and the audit log ever show this.",
     ),
     ProblemKind(
         Slug.NOT_ACCEPTABLE,
@@ -187,6 +195,13 @@ _ROWS = (
         409,
         "Dataset in use",
         "A published version or an unfinished training job names the dataset; `used_by` lists them.",
+    ),
+    ProblemKind(
+        Slug.DATASET_NAME_TAKEN,
+        409,
+        "Dataset name taken",
+        "Another dataset is found by that name, so nothing was stored: choose another name, or take that one from it "
+        "with `DELETE /v1/admin/datasets/{dataset}/names/{name}`.",
     ),
     ProblemKind(
         Slug.UPLOAD_STALLED, 408, "Upload stalled", "No byte of the body came for half a minute; send it again."

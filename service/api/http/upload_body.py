@@ -19,7 +19,7 @@ from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
 from service.api.http.exceptions import MalformedUploadError, UploadStalledError
-from service.api.http.limits.worker_threads import OverloadedError
+from service.api.http.limits.worker_threads import ClientGoneError, OverloadedError
 from service.datasets.file_names import printable
 from service.errors import NO_ROOM, StorageFullError
 from service.wire.faults import InvalidInputError, fault
@@ -104,7 +104,8 @@ def _lock(folder: Path) -> int | None:
 async def receive_upload(request: Request, folder: Path, filename: str | None) -> Upload:
     """Write the upload to `folder`. `filename` is the name of a raw body; a form's part says its own.
 
-    Raises MalformedUploadError (no multipart, or it ends early), UploadStalledError (nothing came for `IDLE_S`),
+    Raises ClientGoneError, MalformedUploadError (no multipart, or it ends early), UploadStalledError (nothing came for
+    `IDLE_S`),
     InvalidInputError (no file, two files, a field that is no text or too long), BodyTooLargeError and StorageFullError.
     """
     kind, options = parse_options_header(request.headers.get("content-type", ""))
@@ -162,7 +163,7 @@ async def _chunks(request: Request) -> AsyncIterator[bytes]:
         except TimeoutError:
             raise UploadStalledError(f"no byte of the body came for {IDLE_S:g} s; send it again") from None
         if message["type"] == "http.disconnect":
-            raise MalformedUploadError("the body ended before it was whole")
+            raise ClientGoneError
         yield message.get("body", b"")
         if not message.get("more_body"):
             return

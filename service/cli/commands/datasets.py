@@ -280,6 +280,25 @@ def delete_dataset(
         print(f"deleted dataset {record.id} ({record.name})")
 
 
+@app.command("forget-name")
+def forget_name(
+    dataset: Annotated[str, typer.Argument(metavar="ID", help="Whole id of the dataset.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The name that is to find it no more.")],
+    store: options.Store = None,
+    json: options.Json = False,
+) -> None:
+    """Take a name from a dataset. The one that it was stored under stays as long as the dataset.
+
+    Example:
+      rover-twin datasets forget-name 0f3a... my-runs --store my-store
+    """
+    open_store(store).forget_dataset_name(dataset, name)
+    if json:
+        print_json({"dataset": dataset, "forgot": name})
+    else:
+        print(f"dataset {dataset} is no longer found by the name {name}")
+
+
 @app.command("export")
 def export_dataset(
     dataset: Identity,

@@ -315,14 +315,36 @@ def test_a_dataset_that_is_not_there(admin, path, reference):
 
 
 @pytest.mark.processes
-def test_a_name_that_two_datasets_have_is_no_answer(admin):
-    for seed in (0.06, 0.07):
-        upload(admin, archive(runs=1, seed=seed), name="twins")
+def test_a_name_of_another_dataset_is_refused_until_it_is_taken_from_that_one(admin):
+    data, other = (archive(runs=1, seed=seed) for seed in (0.06, 0.07))
+    first = upload(admin, data, name="born").json()["id"]
+    upload(admin, data, name="twin")
 
-    answer = admin.get(f"{DATASETS}/twins")
+    for name in ("born", "twin", first[:8]):
+        for dry_run in ("true", "false"):
+            refused = upload(admin, other, name=name, query={"dry_run": dry_run})
+            assert refused.status_code == 409
+            assert refused.json()["type"].endswith("dataset-name-taken")
+            assert first in refused.json()["detail"]
+    assert admin.get(f"{DATASETS}/twin").json()["id"] == admin.get(f"{DATASETS}/born").json()["id"] == first
 
-    assert answer.status_code == 422
-    assert "ambiguous" in answer.json()["detail"]
+    names = f"{DATASETS}/{first}/names"
+    assert admin.client.delete(f"{names}/twin").status_code == 204
+    assert admin.client.delete(f"{names}/twin").status_code == 404
+    assert admin.client.delete(f"{names}/born").status_code == 409
+    assert admin.client.delete(f"{DATASETS}/born/names/born").status_code == 422
+    assert upload(admin, other, name="twin").status_code == 201
+    assert admin.get(f"{DATASETS}/twin").json()["id"] != first
+
+
+@pytest.mark.processes
+def test_a_name_made_of_a_files_name_is_told_apart_from_that_of_another_dataset(admin):
+    first, second = (upload_raw(admin, archive(runs=1, seed=seed), filename="same.zip") for seed in (0.08, 0.09))
+
+    assert (first.status_code, second.status_code) == (201, 201)
+    for answer in (first.json(), second.json()):
+        assert admin.get(f"{DATASETS}/{answer['name']}").json()["id"] == answer["id"]
+    assert second.json()["name"] == f"{first.json()['name']}-{second.json()['id'][:12]}"
 
 
 @pytest.mark.parametrize(("form", "start"), [("svg", b"<?xml"), ("png", b"\x89PNG")])

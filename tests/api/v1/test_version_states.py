@@ -119,6 +119,24 @@ def test_changes_are_safe_to_repeat_and_conditional(three):
 
 
 @pytest.mark.slow
+def test_the_tag_of_a_state_never_comes_back_and_a_restored_version_says_who_and_why(three):
+    state = f"{place(1, '/v1/models')}/state"
+    tags = [three.get(state).headers["etag"]]
+    for what in ("archive", "restore", "archive", "restore"):
+        tags.append(change(three, 1, what, reason=f"to {what}").headers["etag"])
+        # moves of aliases, and what becomes of others, leave it alone
+        three.client.put(ALIAS, json={"version": 2, "reason": "x"}, headers={"If-Match": "*"})
+        change(three, 3, what)
+        now = three.get(state)
+        assert now.headers["etag"] == tags[-1]
+        assert (now.json()["actor"], now.json()["reason"]) == ("admin", f"to {what}")
+    assert len(set(tags)) == len(tags)
+    for old in tags[:-1]:
+        assert problem(change(three, 1, "delete", If_Match=old)) == (412, "precondition-failed")
+    assert change(three, 1, "delete", If_Match=tags[-1]).status_code == 200
+
+
+@pytest.mark.slow
 def test_what_is_not_there_or_not_allowed(three):
     assert problem(change(three, 9)) == (404, "version-not-found")
     assert problem(three.client.post("/v1/admin/models/none/versions/1/archive")) == (404, "model-not-found")

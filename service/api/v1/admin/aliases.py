@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from model_store import AliasNotFoundError, AliasRecord, ConflictError, CorruptArtefactError, ModelStore, layout
-from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute
+from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute, about
 from service.api.http.exceptions import PreconditionFailedError, PreconditionRequiredError
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
@@ -154,6 +154,7 @@ async def put_alias(
     other replicas within five. A running prediction finishes on the version that it began with.
     """
     require_name(name)
+    about(f"{name}@{alias} -> {asked.version}")
     if not layout.is_alias(alias):
         raise InvalidInputError(fault("alias", alias, "a-z, 0-9 and '-', starting with a letter, at most 63"))
     condition = _Condition(name, alias, if_match, if_none_match)
@@ -193,6 +194,7 @@ async def roll_back(
         back = await services.storage.run(lambda: _roll_back(services.store, condition, actor, reason))
     finally:
         services.registry.moved()
+    about(f"{name}@{alias} -> {back.version}")
     response.headers["ETag"] = etag_of(back.seq)
     return _answer(back)
 

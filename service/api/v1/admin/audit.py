@@ -10,7 +10,8 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from service.api.admin import ADMIN_PROBLEMS, AUDIT_S, Admin, SecretRoute
+from service.access.token_file import NAME_PATTERN
+from service.api.admin import ADMIN_PROBLEMS, Admin, SecretRoute, audit_call
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.services import TheServices
@@ -38,10 +39,12 @@ class AuditQuery(BaseModel):
     actor: Annotated[
         str | SkipJsonSchema[None],
         Field(
-            max_length=63,
+            pattern=NAME_PATTERN,
             description="Only calls by this token.",
             examples=["ada"],
-            json_schema_extra={"x-allowed": "the name of a token"},
+            json_schema_extra={
+                "x-allowed": "the name of a token: 1 to 63 of A-Z a-z 0-9 . _ @ + -, starting with a letter or digit"
+            },
         ),
     ] = None
     since: Annotated[
@@ -59,7 +62,12 @@ class AuditQuery(BaseModel):
     ] = 50
     before: Annotated[
         int | SkipJsonSchema[None],
-        Field(ge=1, le=_HIGHEST, description="Only rows older than the one with this id; `next` of a page has it."),
+        Field(
+            ge=1,
+            le=_HIGHEST,
+            description="Only rows older than the one with this id; `next` of a page has it.",
+            json_schema_extra={"x-allowed": f"a whole number from 1 to {_HIGHEST}"},
+        ),
         PLAIN_INTEGER,
     ] = None
 
@@ -76,7 +84,17 @@ class AuditRow(BaseModel):
     path: Annotated[str, Field(description="The address as it was asked for, percent-encoded, without its query.")]
     status: Annotated[
         int | None,
-        Field(description="What was answered; null while the call runs, and for one whose process died meanwhile."),
+        Field(
+            description="What was answered; null while the call runs, for one whose process died meanwhile, and where "
+            "the audit log did not answer at its end. 499: the client hung up."
+        ),
+    ]
+    subject: Annotated[
+        str | None,
+        Field(
+            description="What it was about, where a call came that far: version, alias, dataset or job.",
+            examples=["viper-lunar@champion -> 3"],
+        ),
     ]
     request_id: Annotated[str, Field(description="The `X-Request-ID` of the answer, and of the lines in the log.")]
 
@@ -99,15 +117,12 @@ async def list_audit(asked: Annotated[AuditQuery, Query()], _: Admin, services: 
     audit = services.audit
     if audit is None:
         raise AuditUnavailableError("this service was started without a database")
-    try:
-        found = await services.job_calls.run(
-            lambda: audit.page(
-                limit=asked.limit + 1, before=asked.before, actor=asked.actor, since=asked.since, until=asked.until
-            ),
-            give_up_s=AUDIT_S,
-        )
-    except TimeoutError:
-        raise AuditUnavailableError(f"no answer in {AUDIT_S:g} s") from None
+    found = await audit_call(
+        services,
+        lambda: audit.page(
+            limit=asked.limit + 1, before=asked.before, actor=asked.actor, since=asked.since, until=asked.until
+        ),
+    )
     shown = found[: asked.limit]
     more = _next(asked, shown[-1].id) if len(found) > len(shown) else None
     return AuditAnswer(entries=[AuditRow.of(each) for each in shown], next=more)
@@ -123,4 +138,4 @@ def _next(asked: AuditQuery, last: int) -> str:
 def _utc(moment: datetime | None) -> str | None:
     if moment is None:
         return None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).astimezone(UTC).isoformat()
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).isoformat()

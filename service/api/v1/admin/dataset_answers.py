@@ -45,7 +45,10 @@ class UploadAnswer(BaseModel):
     ]
     already_known_as: Annotated[
         list[str],
-        Field(description="Its names before this upload, the first one first; none where the content was new."),
+        Field(
+            description="Its names before this upload: the one that it was stored under, then the others in the order "
+            "of the alphabet; none where the content was new."
+        ),
     ] = []
     report: ReportAnswer
     links: DatasetLinks

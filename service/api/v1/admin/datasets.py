@@ -24,7 +24,7 @@ from model_store import (
     UnsupportedFormatError,
     layout,
 )
-from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute, require_admin
+from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute, about, require_admin
 from service.api.http.limits.worker_threads import OverloadedError
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
@@ -115,6 +115,7 @@ Reference = Annotated[
         Slug.BODY_TOO_LARGE,
         Slug.STORAGE_FULL,
         Slug.CONFLICT,
+        Slug.DATASET_NAME_TAKEN,
     )
     | {
         200: {
@@ -143,6 +144,7 @@ async def post_dataset(request: Request, response: Response, actor: Admin, servi
     with upload_folder(services.uploads) as folder:
         upload = await receive_upload(request, folder, asked.filename)
         asked = asked_for([*query, *upload.fields])
+        about(f"dataset {asked.name or 'without a name'}{', dry run' if asked.dry_run else ''}")
         result = await import_in_process(
             services.settings.store_url,
             upload.path,
@@ -152,6 +154,7 @@ async def post_dataset(request: Request, response: Response, actor: Admin, servi
             dry_run=asked.dry_run,
             workspace=folder,
         )
+    about(f"dataset {result.dataset_id}")
     answer = _upload_answer(result, dry_run=asked.dry_run)
     if answer.created:
         response.status_code = 201
@@ -243,8 +246,34 @@ async def download_dataset(reference: Reference, services: TheServices) -> Strea
 )
 async def delete_dataset(reference: Reference, services: TheServices) -> Response:
     """Takes the whole id. Refused while a published version or an unfinished training job uses the dataset."""
+    about(f"dataset {reference}")
     await services.read_much(lambda: _delete(services, reference))
     return Response(status_code=204)
+
+
+@router.delete(
+    "/{dataset}/names/{name}",
+    summary="Take a name from a dataset",
+    status_code=204,
+    response_class=Response,
+    response_model=None,
+    responses=_NO_DATASET | problem_responses(Slug.CONFLICT),
+)
+async def forget_name(
+    reference: Reference, name: Annotated[str, Path(description="A name of it.")], services: TheServices
+) -> Response:
+    """Takes the whole id. The name that the dataset was stored under stays as long as it."""
+    about(f"dataset {reference}, name {name}")
+    await services.read_much(lambda: _forget_name(services.store, reference, name))
+    return Response(status_code=204)
+
+
+def _forget_name(store: ModelStore, identity: str, name: str) -> None:
+    if not layout.is_dataset_id(identity):
+        raise InvalidInputError(fault("dataset", identity, "a whole id"))
+    if not layout.is_dataset_name(name):
+        raise InvalidInputError(fault("name", name, "a name of a dataset: A-Z a-z 0-9 . _ -, at most 63"))
+    store.forget_dataset_name(identity, name)
 
 
 def _page(store: ModelStore, asked: DatasetsQuery) -> DatasetsAnswer:

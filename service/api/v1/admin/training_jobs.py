@@ -12,7 +12,7 @@ from pydantic.json_schema import SkipJsonSchema
 from model_store import DatasetNotFoundError, InvalidReferenceError
 from model_store.layout import is_job_id
 from service.access.tokens import Scope
-from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute
+from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute, about
 from service.api.http.event_stream import EventStream
 from service.api.http.negotiation import choose
 from service.api.http.openapi import problem_responses
@@ -160,6 +160,7 @@ async def start_job(
 ) -> JobAnswer:
     """Train a new version of a model on stored datasets. A request that cannot succeed is refused at once."""
     job = await services.job_calls.run(lambda: _submitted(services, queue, asked, actor, key))
+    about(f"job {job.id} of {job.request.model}")
     response.headers["Location"] = f"{ADDRESS}/{job.id}"
     response.headers["Retry-After"] = str(_LOOK_AGAIN_S)
     return answer_of(job)
@@ -207,6 +208,7 @@ async def get_job(job_id: JobId, _: Admin, queue: Queue, services: TheServices) 
 )
 async def cancel_job(job_id: JobId, _: Admin, queue: Queue, services: TheServices) -> JobAnswer:
     """Stop a job that waits or runs; a running one stops within seconds and publishes nothing."""
+    about(f"job {job_id}")
     return answer_of(await services.job_calls.run(lambda: queue.cancel(job_id)))
 
 

@@ -17,7 +17,7 @@ from model_store import (
     VersionInUseError,
     parse_reference,
 )
-from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute
+from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute, about
 from service.api.http.exceptions import PreconditionFailedError
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
@@ -55,7 +55,7 @@ class DeletionQuery(BaseModel):
 
 
 class VersionStateAnswer(BaseModel):
-    """Whether a version can be used. `since`, `actor` and `reason` are null for one that is published."""
+    """Whether a version can be used. `since`, `actor` and `reason` are of the last change, null without any."""
 
     name: str
     version: int
@@ -161,6 +161,7 @@ class _Change:
         self, services: Services, name: str, version: int, if_match: str | None, actor: str, reason: str
     ) -> None:
         require_name(name)
+        about(f"{name}@{version}")
         self._services, self._name, self._version = services, name, version
         self._tags = None if if_match is None else tags_of(if_match)
         self._said = {"actor": actor, "reason": reason}
