@@ -33,7 +33,7 @@ def test_what_one_replica_is_told_all_of_them_know(machines):
     one, other = (machines.api(name) for name in APIS)
     sent = one.post(DATASETS, content=archive(seed=0.5), params={"name": "sent"})
     assert sent.status_code == 201, sent.text
-    assert other.get(f"{DATASETS}/sent").json()["id"] == sent.json()["id"]
+    assert machines.answered(lambda: other.get(f"{DATASETS}/sent")).json()["id"] == sent.json()["id"]
 
     job = {"model": "walked", "datasets": ["unit"], "architecture": "zero", "prior": "rigid_slope"}
     job |= {"split": {"test_slopes_deg": [12]}}

@@ -148,9 +148,7 @@ _HANG_UP = frozenset({Slug.BODY_TOO_LARGE, Slug.UPLOAD_STALLED, Slug.STORAGE_FUL
 # where the store is and what its backend said is the operator's business: log it, do not tell
 _STORE_DOWN = "the model store does not answer"
 _JOBS_DOWN = "the database of the training jobs does not answer"
-_AUDIT = "/v1/admin/audit"
-_AUDIT_DOWN = "the audit log does not answer, so nothing was done"
-_AUDIT_UNREAD = "the audit log does not answer"
+_AUDIT_DOWN = "the audit log does not answer, and without it nothing is changed"
 _FULL = "there is no room left for what was sent; nothing of it was kept"
 _FAILED = "the service failed on this request; its log says why"
 
@@ -227,7 +225,7 @@ def told(error: Exception) -> Told:
         return _tell(slug, _JOBS_DOWN)
     if slug is Slug.AUDIT_UNAVAILABLE:
         _log.error("the audit log is unavailable", reason=str(error))
-        return _tell(slug, _AUDIT_UNREAD if path == _AUDIT else _AUDIT_DOWN)
+        return _tell(slug, _AUDIT_DOWN)
     if slug is Slug.CLIENT_GONE:
         return _tell(slug, "the client hung up")
     return _tell(slug, str(error), dict(_members_of(error)), dict(_headers_of(error)))
