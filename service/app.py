@@ -118,37 +118,39 @@ def create_app(
             jobs=jobs,
             audit=AuditLog(settings.jobs_url(), settings.audit_days, settings.jobs_timeout_s) if jobs else None,
         )
-
-        starting: list[anyio.CancelScope] = []
-        ended = anyio.Event()
-
-        async def start() -> None:
-            starting.append(anyio.CancelScope())
-            with starting[0]:  # a store that hangs does not hold the end
-                await anyio.to_thread.run_sync(registry.start, abandon_on_cancel=True)
-            await anyio.to_thread.run_sync(remove_forgotten_uploads)
-            if worker and not ended.is_set():  # only now: what starts must not wait for processor time
-                await worker.run()
-
-        access.tokens.start()
-        async with anyio.create_task_group() as tasks:
-            # beside the start, not before it: a slow store must not make the process look dead
-            tasks.start_soon(start)
+        async with _running(services, worker):
             yield LifespanState(services=services)
-            ended.set()
-            for scope in starting:
-                scope.cancel()
-            if worker:
-                worker.end()
-        access.tokens.close()
-        registry.close()
-        if jobs:
-            with anyio.move_on_after(_CLOSE_S):
-                await anyio.to_thread.run_sync(jobs.close, abandon_on_cancel=True)
 
     app = _assemble(lifespan, counting, _Chosen.of(settings), waiting)
     _prepare_routes(app)
     return app
+
+
+@asynccontextmanager
+async def _running(services: Services, worker: WorkerSupervisor | None) -> AsyncIterator[None]:
+    """What goes on beside the requests, for as long as the service is up: aliases are followed, tokens read again."""
+    starting = anyio.CancelScope()
+
+    async def start() -> None:
+        with starting:  # a store that hangs does not hold the end
+            await anyio.to_thread.run_sync(services.registry.start, abandon_on_cancel=True)
+        await anyio.to_thread.run_sync(remove_forgotten_uploads)
+        if worker and not starting.cancel_called:  # only now: what starts must not wait for processor time
+            await worker.run()
+
+    services.access.tokens.start()
+    async with anyio.create_task_group() as tasks:
+        # beside the start, not before it: a slow store must not make the process look dead
+        tasks.start_soon(start)
+        yield
+        starting.cancel()
+        if worker:
+            worker.end()
+    services.access.tokens.close()
+    services.registry.close()
+    if services.jobs:
+        with anyio.move_on_after(_CLOSE_S):
+            await anyio.to_thread.run_sync(services.jobs.close, abandon_on_cancel=True)
 
 
 def _worker(settings: Settings) -> WorkerSupervisor | None:
