@@ -186,11 +186,14 @@ def _main() -> None:
     import pyarrow.parquet  # noqa: F401 - the first job would import it
     import torch
 
+    import service.jobs.worker
+
     weight = torch.nn.Parameter(torch.zeros(1))
     weight.grad = torch.ones(1)
     torch.optim.Adam([weight]).step()  # torch imports the larger half of itself at the first step
     if "apis" in sys.argv:
-        pass
+        import service.jobs.database
+        import service.server  # noqa: F401
 
     for line in sys.stdin:
         pid = os.fork()
