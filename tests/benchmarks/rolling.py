@@ -81,7 +81,11 @@ class Balancer:
                     there = await asyncio.open_connection(HOST, ready[self._turn % len(ready)].port)
                 except OSError:
                     continue
-                await asyncio.gather(_passed(reader, there[1]), _passed(there[0], writer))
+                try:
+                    await asyncio.gather(_passed(reader, there[1]), _passed(there[0], writer))
+                finally:
+                    there[1].close()
+                    writer.close()
                 return
         self.refused += 1
         writer.close()
@@ -135,9 +139,10 @@ async def roll(restarts: int, clients: int = 16) -> Outcome:
         url = f"http://{HOST}:{front.sockets[0].getsockname()[1]}"
         try:
             await asyncio.gather(*(each.start() for each in replicas))
-            askers = []
+            askers, asking = [], []
             for number in range(clients):
                 client = httpx.AsyncClient(base_url=url, trust_env=False, timeout=30)
+                asking.append(client)
                 askers.append(tasks.create_task(_keep_asking(client, seen, 0.05 if number % 2 else 1.5)))
             await asyncio.sleep(1)
             for _ in range(restarts):
@@ -148,11 +153,14 @@ async def roll(restarts: int, clients: int = 16) -> Outcome:
                 seen.restarts += 1
             for each in askers:
                 each.cancel()
+            for each in asking:
+                await each.aclose()
         finally:
             for each in probes:
                 each.cancel()
             await asyncio.gather(*(each.end() for each in replicas if each.process))
             front.close()
+            await asyncio.sleep(0.2)  # until all connections are closed
     seen.took_s = time.perf_counter() - began
     return seen
 

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 from fastapi import HTTPException, Response
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, ValidationError, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, ErrorDetails
 
 from service.api.http.exceptions import BodyTooLargeError, UnsupportedMediaTypeError
 from service.api.http.reading import parsed
@@ -36,6 +37,16 @@ class _Part(BaseModel):
         if not isinstance(value, dict) or None not in value.values():
             return value
         return {name: each for name, each in value.items() if each is not None}
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """What may be left out may be null as well."""
+        schema = handler(core)
+        told = handler.resolve_ref_schema(schema)
+        for name, member in told["properties"].items():
+            if name not in told.get("required", ()) and "anyOf" not in member:
+                told["properties"][name] = {"anyOf": [member, {"type": "null"}]}
+        return schema
 
 
 class RequestedInput(_Part):
