@@ -307,6 +307,19 @@ class S3Server:
     def thaw(self) -> None:
         self.process.send_signal(signal.SIGCONT)
 
+    @contextmanager
+    def misbehaving(self, how: str) -> Iterator[None]:
+        """For as long as the block lasts: frozen, or what `behave` takes."""
+        if how == "frozen":
+            self.freeze()
+        else:
+            self.behave(how)
+        try:
+            yield
+        finally:
+            self.thaw()
+            self.behave("ok")
+
     def kill(self) -> None:
         self.process.kill()
         self.process.wait(timeout=10)

@@ -115,23 +115,10 @@ def test_a_promotion_shows_at_once_where_it_was_made_and_soon_everywhere(s3, two
     until(lambda: second.get("/v1/models").json()["models"][0]["aliases"]["champion"] == version, 10)
 
 
-@contextmanager
-def misbehaving(s3, how):
-    if how == "frozen":
-        s3.freeze()
-    else:
-        s3.behave(how)
-    try:
-        yield
-    finally:
-        s3.thaw()
-        s3.behave("ok")
-
-
 @pytest.mark.parametrize("how", ["hang", "trickle", "frozen"])
 def test_a_store_that_hangs_is_given_up_in_seconds_and_keeps_nobody_else(s3, tmp_path, how):
     """Also when more ask for it than there are threads, and also the end of the process."""
-    with replica(s3, tmp_path) as (client, process), misbehaving(s3, how):
+    with replica(s3, tmp_path) as (client, process), s3.misbehaving(how):
         time.sleep(0.1)
 
         def ask(address):
@@ -170,7 +157,7 @@ def number(metrics, name):
 
 def test_a_store_that_answers_again_is_followed_again(s3, tmp_path):
     with replica(s3, tmp_path) as (client, _):
-        with misbehaving(s3, "frozen"):
+        with s3.misbehaving("frozen"):
             until(lambda: stale(client), 60)
         until(lambda: not stale(client), 60)
         assert client.get("/v1/models").status_code == 200

@@ -1,4 +1,4 @@
-"""What traces cost a prediction of 201 points: `python -m tests.benchmarks.tracing_cost`, a minute.
+"""What traces cost a prediction of 201 points: `python -m tests.benchmarks.tracing_cost`, some minutes.
 
 Servers without and with traces are asked in turn, request by request, so that a busy machine hurts all alike.
 """

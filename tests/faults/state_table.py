@@ -116,19 +116,6 @@ def _deleted(world: World, how: str) -> Iterator[None]:
 
 
 @contextmanager
-def _misbehaving(s3: S3Server, _world: World, how: str) -> Iterator[None]:
-    if how == "frozen":
-        s3.freeze()
-    else:
-        s3.behave(how)
-    try:
-        yield
-    finally:
-        s3.thaw()
-        s3.behave("ok")
-
-
-@contextmanager
 def _frozen(world: World, _how: str) -> Iterator[None]:
     assert world.postgres is not None
     world.postgres.freeze()
@@ -169,7 +156,7 @@ def _world_of(state: str) -> Iterator[tuple[World, Enter]]:
         elif state == "store hangs":
             s3 = stack.enter_context(S3Server.started(folder / "s3"))
             stack.enter_context(_environment(s3.environment))
-            url, enter = s3.url(), functools.partial(_misbehaving, s3)
+            url, enter = s3.url(), lambda _world, how: s3.misbehaving(how)
         elif state == "disk full":
             for place in STATES[state]:
                 stack.enter_context(small_disk(folder / place, "16m"))
