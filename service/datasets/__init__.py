@@ -25,12 +25,13 @@ from service.datasets.summary import DatasetSummary, summarise
 
 if TYPE_CHECKING:
     from service.datasets.parquet import read_parquet, to_parquet, write_parquet
-    from service.datasets.readers.folder import read_folder
+    from service.datasets.readers.folder import read_folder, validate_folder
 
 _FILES = {
     "read_folder": "readers.folder",
     "read_parquet": "parquet",
     "to_parquet": "parquet",
+    "validate_folder": "readers.folder",
     "write_parquet": "parquet",
 }
 
@@ -55,6 +56,7 @@ __all__ = [
     "read_parquet",
     "summarise",
     "to_parquet",
+    "validate_folder",
     "write_parquet",
 ]
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from service.datasets.checks.candidate import Candidate
-from service.datasets.checks.validate import check_duplicates, check_run, check_slopes
+from service.datasets.checks.validate import Fingerprint, check_duplicates, check_run, check_slopes, fingerprint
 from service.datasets.findings import Code, Finding, UnusableFileError, reject
 from service.datasets.passport import Passport
 from service.datasets.readers.column_map import ColumnMap, resolve
@@ -14,19 +14,37 @@ from service.datasets.readers.table import Samples, Table, samples_of
 from service.datasets.report import RejectedDatasetError, ValidationReport, make_report
 from service.datasets.run import MAX_ROWS_PER_RUN, MAX_TOTAL_ROWS, Dataset, Run
 from service.datasets.run_table import RunEntry
-from service.datasets.summary import summarise
+from service.datasets.summary import RunSummary, summarise_run, summary_of
 
 Progress = Callable[[int, int, str], None]
 """Called before each file with (files done, files in all, file)."""
 
 
-class Intake:
-    """Takes the runs of one dataset, one by one; `conclude` gives the dataset and the report."""
+@dataclass(frozen=True, slots=True)
+class _Accepted:
+    """A run that passed its own checks; `run` is None where only the report is wanted."""
 
-    def __init__(self, passport: Passport, *, max_rows: int = MAX_TOTAL_ROWS) -> None:
+    fingerprint: Fingerprint
+    summary: RunSummary
+    run: Run | None
+
+    @property
+    def file(self) -> str:
+        return self.fingerprint.file
+
+
+class Intake:
+    """Takes the runs of one dataset, one by one; `report`, or `conclude`, ends it.
+
+    With `keep` False the rows of a run are forgotten once it is checked, so that memory does not grow with their
+    number: for a report without a dataset.
+    """
+
+    def __init__(self, passport: Passport, *, max_rows: int = MAX_TOTAL_ROWS, keep: bool = True) -> None:
         self._passport = passport
         self._max_rows = self._rows_left = max_rows
-        self._runs: list[tuple[str, Run]] = []
+        self._keep = keep
+        self._runs: list[_Accepted] = []
         self.findings: list[Finding] = []
 
     def take(self, entry: RunEntry, name: str, read: Callable[[], Samples]) -> None:
@@ -41,24 +59,37 @@ class Intake:
         noticed = [*samples.findings, *check_run(candidate)]
         self.findings += noticed
         if not any(finding.rejects for finding in noticed):
-            self._runs.append((entry.file, _run(candidate, name)))
+            run = _run(candidate, name)
+            kept = run if self._keep else None
+            self._runs.append(_Accepted(fingerprint(entry.file, run), summarise_run(run), kept))
 
-    def conclude(self, name: str, offered: Iterable[str], *, strict: bool) -> tuple[Dataset, ValidationReport]:
-        """The dataset of all accepted runs; `offered` are the files of all runs there should be.
+    def report(self, offered: Iterable[str], *, strict: bool) -> ValidationReport:
+        """What was accepted and what was not; `offered` are the files of all runs there should be.
 
         Raises RejectedDatasetError when no run is usable or, with `strict`, when any is not.
         """
-        findings = [*self.findings, *check_duplicates(self._runs), *check_slopes(self._runs)]
+        return self._judged(offered, strict=strict)[1]
+
+    def conclude(self, name: str, offered: Iterable[str], *, strict: bool) -> tuple[Dataset, ValidationReport]:
+        """The dataset of all accepted runs, and the report. Raises RejectedDatasetError as `report` does."""
+        accepted, report = self._judged(offered, strict=strict)
+        return Dataset(name, self._passport, tuple(each.run for each in accepted if each.run is not None)), report
+
+    def _judged(self, offered: Iterable[str], *, strict: bool) -> tuple[list[_Accepted], ValidationReport]:
+        between = check_duplicates(each.fingerprint for each in self._runs)
+        slopes = check_slopes((each.file, each.summary) for each in self._runs)
+        findings = [*self.findings, *between, *slopes]
         barred = {finding.file for finding in findings if finding.rejects}
-        accepted = {file: run for file, run in self._runs if file not in barred}
-        rejected = [file for file in dict.fromkeys(offered) if file not in accepted]
-        dataset = Dataset(name, self._passport, tuple(accepted.values())) if accepted else None
-        report = make_report(tuple(accepted), rejected, findings, summarise(dataset) if dataset else None)
-        if dataset is None:
+        accepted = [each for each in self._runs if each.file not in barred]
+        files = {each.file: None for each in accepted}
+        rejected = [file for file in dict.fromkeys(offered) if file not in files]
+        summary = summary_of([each.summary for each in accepted]) if accepted else None
+        report = make_report(tuple(files), rejected, findings, summary)
+        if not accepted:
             raise RejectedDatasetError(report, "no run is usable")
         if strict and report.rejections:
             raise RejectedDatasetError(report, f"{len(report.rejections)} reasons to reject")
-        return dataset, report
+        return accepted, report
 
     def _count(self, entry: RunEntry, rows: int) -> None:
         self._rows_left -= rows

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -48,43 +49,85 @@ class DatasetSummary:
         return asdict(self) | {"columns": list(self.columns)}
 
 
+@dataclass(frozen=True, slots=True)
+class RunSummary:
+    """What a summary needs of one run: small, whatever the run's length. Spans as in `DatasetSummary`."""
+
+    name: str
+    set_name: str
+    rows: int
+    slope_deg: Span
+    mass_kg: float
+    torque_nm: Span
+    horizon_s: float
+    step_s: float
+    distance_m: float
+    columns: tuple[str, ...]
+    varies: tuple[str, ...]
+    locked_s: float
+    """How long the wheels are locked."""
+
+
+def summarise_run(run: Run) -> RunSummary:
+    """The summary of one run."""
+    step_s = float(np.median(np.diff(run.time_s))) if len(run) > 1 else 0.0
+    locked = run.columns["brake"][:-1] > 0 if "brake" in run.varies else np.zeros(len(run) - 1, dtype=bool)
+    return RunSummary(
+        name=run.name,
+        set_name=run.set_name,
+        rows=len(run),
+        slope_deg=_over_rows(run, "slope_deg"),
+        mass_kg=run.mass_kg,
+        torque_nm=_over_rows(run, "torque_nm"),
+        horizon_s=run.horizon_s,
+        # a median of differences of decimals: without the last binary digits of them
+        step_s=round(step_s, 9),
+        distance_m=round(float(run.x_m[-1] - run.x_m[0]), 7),
+        columns=tuple(run.columns),
+        varies=run.varies,
+        locked_s=round(float(np.diff(run.time_s)[locked].sum()), 6),
+    )
+
+
 def summarise(dataset: Dataset) -> DatasetSummary:
-    """The summary; `columns` are those that every run has."""
-    runs = dataset.runs
-    steps = [float(np.median(np.diff(run.time_s))) if len(run) > 1 else 0.0 for run in runs]
-    shared = [name for name in runs[0].columns if all(name in run.columns for run in runs)]
+    """The summary of a dataset that is in memory."""
+    return summary_of([summarise_run(run) for run in dataset.runs])
+
+
+def summary_of(runs: Sequence[RunSummary]) -> DatasetSummary:
+    """The summary of at least one run; `columns` are those that every run has."""
     varying = [run for run in runs if run.varies]
     return DatasetSummary(
         runs=len(runs),
-        rows=sum(len(run) for run in runs),
-        slope_deg=_span_over_rows(runs, "slope_deg"),
+        rows=sum(run.rows for run in runs),
+        slope_deg=_all_of([run.slope_deg for run in runs]),
         mass_kg=_span([run.mass_kg for run in runs]),
-        torque_nm=_span_over_rows(runs, "torque_nm"),
+        torque_nm=_all_of([run.torque_nm for run in runs]),
         horizon_s=_span([run.horizon_s for run in runs]),
-        # a median of differences of decimals: without the last binary digits of them
-        step_s=_span([round(step, 9) for step in steps]),
-        distance_m=_span([round(float(run.x_m[-1] - run.x_m[0]), 7) for run in runs]),
-        columns=tuple(shared),
-        sets={name: sum(run.set_name == name for run in runs) for name in dataset.sets},
+        step_s=_span([run.step_s for run in runs]),
+        distance_m=_span([run.distance_m for run in runs]),
+        columns=tuple(name for name in runs[0].columns if all(name in run.columns for run in runs)),
+        sets=dict(Counter(run.set_name for run in runs)),
         varies={name: sum(name in run.varies for run in runs) for name in INPUTS} if varying else {},
         varying_runs={run.name: _what_varies(run) for run in varying[:_LISTED]},
     )
 
 
-def _what_varies(run: Run) -> dict[str, Any]:
+def _what_varies(run: RunSummary) -> dict[str, Any]:
     told: dict[str, Any] = {
-        name: asdict(_span_over_rows([run], name)) for name in ("slope_deg", "torque_nm") if name in run.varies
+        name: asdict(getattr(run, name)) for name in ("slope_deg", "torque_nm") if name in run.varies
     }
-    if "brake" in run.varies:
-        locked = run.columns["brake"][:-1] > 0
-        told["brake_s"] = round(float(np.diff(run.time_s)[locked].sum()), 6)
-    return told
+    return told | ({"brake_s": run.locked_s} if "brake" in run.varies else {})
 
 
-def _span_over_rows(runs: Sequence[Run], name: str) -> Span:
-    ends = [(run.columns[name].min(), run.columns[name].max()) if name in run.columns else (getattr(run, name),) * 2
-            for run in runs]  # fmt: skip
-    return Span(float(min(low for low, _ in ends)), float(max(high for _, high in ends)))
+def _over_rows(run: Run, name: str) -> Span:
+    if name not in run.columns:
+        return Span(float(getattr(run, name)), float(getattr(run, name)))
+    return Span(float(run.columns[name].min()), float(run.columns[name].max()))
+
+
+def _all_of(spans: Sequence[Span]) -> Span:
+    return Span(min(span.lowest for span in spans), max(span.highest for span in spans))
 
 
 def _span(values: list[float]) -> Span:

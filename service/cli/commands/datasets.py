@@ -120,12 +120,13 @@ def validate_folder(folder: Folder, sets: Sets = None, column_map: Columns = Non
     Example:
       rover-twin datasets validate my-runs
     """
-    from service.datasets import RejectedDatasetError, read_folder
+    from service.datasets import RejectedDatasetError
+    from service.datasets import validate_folder as validate
 
     mapping = read_column_map(column_map)
     try:
         with file_progress("reading") as progress:
-            _, report = read_folder(folder, sets=sets, column_map=mapping, progress=progress)
+            report = validate(folder, sets=sets, column_map=mapping, progress=progress)
     except RejectedDatasetError as error:
         report = error.report
     if json:

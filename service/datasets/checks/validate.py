@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-
-import numpy as np
+from dataclasses import dataclass
 
 from service.datasets.checks import motion, times, values
 from service.datasets.checks.candidate import Candidate
@@ -14,6 +14,7 @@ from service.datasets.passport import PASSPORT_FILE, Passport
 from service.datasets.run import Run
 from service.datasets.run_table import FILE as RUN_TABLE
 from service.datasets.run_table import RunEntry, radians_suspected
+from service.datasets.summary import RunSummary
 
 Check = Callable[[Candidate], Iterator[Finding]]
 
@@ -63,41 +64,53 @@ def check_entries(entries: Sequence[RunEntry]) -> Iterator[Finding]:
         yield say(RUN_TABLE, suspicion, message, column="slope_deg")
 
 
-def check_duplicates(runs: Iterable[tuple[str, Run]]) -> Iterator[Finding]:
-    """Runs (with their files) against each other, in order.
+@dataclass(frozen=True, slots=True)
+class Fingerprint:
+    """What tells a run from others, without its rows: digests of its trajectory and of all that it was told."""
+
+    file: str
+    content: str
+    told: tuple[object, ...]
+
+
+def fingerprint(file: str, run: Run) -> Fingerprint:
+    """Of a run and its file."""
+    changes = (hashlib.sha256(stored_integers(run, name).tobytes()).hexdigest() for name in run.varies)
+    told = (*run.scenario, *zip(run.varies, changes, strict=True))
+    return Fingerprint(file, content_digest(run), told)
+
+
+def check_duplicates(runs: Iterable[Fingerprint]) -> Iterator[Finding]:
+    """Runs against each other, in order.
 
     The same content twice rejects the later one; under *different* scenarios it rejects both, since one of
     the labels is wrong and nothing tells which. One scenario with different content is a warning: a
     repetition with another time step is legitimate, but weighs twice in training.
     """
-    by_content: dict[str, tuple[str, Run]] = {}
+    by_content: dict[str, Fingerprint] = {}
     by_scenario: dict[tuple[object, ...], str] = {}
-    for file, run in runs:
-        digest = content_digest(run)
-        if digest in by_content:
-            other_file, other = by_content[digest]
-            same = _told(other) == _told(run)
+    for run in runs:
+        other = by_content.setdefault(run.content, run)
+        if other is not run:
+            same = other.told == run.told
             message = "the same trajectory as {}" + ("" if same else ", but for another scenario: which one is it?")
-            yield reject(file, Code.DUPLICATE_CONTENT, message.format(other_file))
+            yield reject(run.file, Code.DUPLICATE_CONTENT, message.format(other.file))
             if not same:
-                yield reject(other_file, Code.DUPLICATE_CONTENT, message.format(file))
+                yield reject(other.file, Code.DUPLICATE_CONTENT, message.format(run.file))
             continue
-        by_content[digest] = (file, run)
-        scenario = _told(run)
-        if scenario in by_scenario:
-            message = f"the same scenario as {by_scenario[scenario]}, with another trajectory"
-            yield warn(file, Code.DUPLICATE_SCENARIO, message)
-        by_scenario.setdefault(scenario, file)
+        if run.told in by_scenario:
+            message = f"the same scenario as {by_scenario[run.told]}, with another trajectory"
+            yield warn(run.file, Code.DUPLICATE_SCENARIO, message)
+        by_scenario.setdefault(run.told, run.file)
 
 
-def _told(run: Run) -> tuple[object, ...]:
-    """Everything that a run was told: its scenario, and each row of what changes."""
-    return (*run.scenario, *((name, stored_integers(run, name).tobytes()) for name in run.varies))
-
-
-def check_slopes(runs: Iterable[tuple[str, Run]]) -> Iterator[Finding]:
-    """Slopes that change, over all rows of all such runs: a word where they may be radians."""
-    highest = [(file, float(np.abs(run.columns["slope_deg"]).max())) for file, run in runs if "slope_deg" in run.varies]
+def check_slopes(runs: Iterable[tuple[str, RunSummary]]) -> Iterator[Finding]:
+    """Slopes that change, over all rows of all such runs (with their files): a word where they may be radians."""
+    highest = [
+        (file, max(abs(run.slope_deg.lowest), abs(run.slope_deg.highest)))
+        for file, run in runs
+        if "slope_deg" in run.varies
+    ]
     if len(highest) > 1 and radians_suspected([slope for _, slope in highest]) is not None:
         file, slope = max(highest, key=lambda each: each[1])
         message = (

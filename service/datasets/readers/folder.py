@@ -20,7 +20,7 @@ from service.datasets.readers.table import Samples
 from service.datasets.readers.text_lines import COMMENTS
 from service.datasets.readers.text_table import TextTable, parse_text
 from service.datasets.report import ValidationReport
-from service.datasets.run import MAX_TOTAL_ROWS, Dataset
+from service.datasets.run import Dataset
 from service.datasets.run_table import FILE as RUN_TABLE
 from service.datasets.run_table import MAX_BYTES as TABLE_MAX_BYTES
 from service.datasets.run_table import RunEntry, as_listed, parse_run_table
@@ -49,19 +49,47 @@ def read_folder(
     with `strict`, when any is not; InvalidValueError for a set that runs.csv does not have.
     """
     root = Path(folder)
+    intake, offered = _taken(root, sets, column_map, max_file_bytes, progress, keep=True)
+    return intake.conclude(name or root.resolve().name, offered, strict=strict)
+
+
+def validate_folder(
+    folder: str | os.PathLike[str],
+    *,
+    sets: Collection[str] | None = None,
+    strict: bool = False,
+    column_map: ColumnMap | str | Mapping[str, str | int] | None = None,
+    max_file_bytes: int = DEFAULT_MAX_BYTES,
+    progress: Progress | None = None,
+) -> ValidationReport:
+    """The report of `read_folder` without the dataset: memory is that of the largest file. Raises as it does."""
+    intake, offered = _taken(Path(folder), sets, column_map, max_file_bytes, progress, keep=False)
+    return intake.report(offered, strict=strict)
+
+
+def _taken(
+    root: Path,
+    sets: Collection[str] | None,
+    column_map: ColumnMap | str | Mapping[str, str | int] | None,
+    max_file_bytes: int,
+    progress: Progress | None,
+    *,
+    keep: bool,
+) -> tuple[Intake, list[str]]:
     passport, noticed = passport_of(_read_small(root / PASSPORT_FILE, PASSPORT_MAX_BYTES, needed=False))
-    return read_listed(
+    intake = Intake(passport, keep=keep)
+    intake.findings += noticed
+    offered = take_listed(
+        intake,
         root,
         passport,
         parse_run_table(_read_small(root / RUN_TABLE, TABLE_MAX_BYTES) or b""),
         sets=sets,
-        strict=strict,
         column_map=ColumnMap.of(column_map if column_map is not None else passport.column_map),
-        name=name or root.resolve().name,
         max_file_bytes=max_file_bytes,
         progress=progress,
-        noticed=noticed,
     )
+    return intake, offered
 
 
 def passport_of(stored: bytes | None) -> tuple[Passport, list[Finding]]:
@@ -75,39 +103,35 @@ def passport_of(stored: bytes | None) -> tuple[Passport, list[Finding]]:
     return VIPER_ON_LUNAR_REGOLITH, [warn(PASSPORT_FILE, Code.DEFAULT_PASSPORT, message)]
 
 
-def read_listed(
+def take_listed(
+    intake: Intake,
     root: Path,
     passport: Passport,
     table: tuple[list[RunEntry], list[Finding]],
     *,
-    name: str,
     column_map: ColumnMap | None = None,
     sets: Collection[str] | None = None,
-    strict: bool = False,
     max_file_bytes: int = DEFAULT_MAX_BYTES,
     max_total_bytes: int | None = None,
-    max_rows: int = MAX_TOTAL_ROWS,
     progress: Progress | None = None,
-    noticed: Sequence[Finding] = (),
-) -> tuple[Dataset, ValidationReport]:
-    """`read_folder` once passport and run table are parsed. `max_total_bytes` bounds all files together, unpacked;
-    `noticed` is what is to stand in the report before all else.
+) -> list[str]:
+    """Hand every run of a parsed run table, whose files lie in `root`, to `intake`; returns the files of them all.
+
+    `max_total_bytes` bounds all files together, unpacked. Raises InvalidValueError for a set that is not there.
     """
     reader = _FileReader(root, max_file_bytes, max_total_bytes)
     every, commented = _without_comments(table[0], reader)
-    findings = [*table[1], *commented]
     entries = _chosen(every, sets)
-    intake = Intake(passport, max_rows=max_rows)
     unlisted = unlisted_in(root, [entry.file for entry in table[0]])
-    listed_findings = [*findings, *check_passport(passport), *check_entries(entries), *unlisted]
-    intake.findings += [*noticed, *listed_findings]
+    found = [*table[1], *commented, *check_passport(passport), *check_entries(entries), *unlisted]
+    intake.findings += found
     names = _names(every)
-    chosen = _unbarred(entries, listed_findings)
+    chosen = _unbarred(entries, found)
     for done, entry in enumerate(chosen):
         if progress is not None:
             progress(done, len(chosen), entry.file)
         intake.take(entry, names[entry.file], partial(reader.run, entry.file, passport, column_map))
-    return intake.conclude(name, [entry.file for entry in entries], strict=strict)
+    return [entry.file for entry in entries]
 
 
 class _FileReader:

@@ -23,7 +23,7 @@ from service.datasets.intake import Intake, Progress, run_in
 from service.datasets.parquet import read_parquet, unknown_columns
 from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
 from service.datasets.readers.column_map import ColumnMap
-from service.datasets.readers.folder import passport_of, read_listed, unlisted_in
+from service.datasets.readers.folder import passport_of, take_listed, unlisted_in
 from service.datasets.readers.foreign_parquet import ParquetTable, declares_our_format
 from service.datasets.readers.long_table import MAY_CHANGE, REQUIRED_LABELS, is_long, read_long, take_runs
 from service.datasets.readers.sniff import HEAD_BYTES, Kind, foreign_name, kind_of
@@ -159,19 +159,19 @@ class _UploadReader:
         elsewhere = [each for each in unlisted_in(root, [], folder.relative_to(root).as_posix())
                      if not (root / each.file).is_relative_to(folder) and root / each.file != stored]  # fmt: skip
         unused = self._unused((*SCENARIO_LIMITS, "set_name"), f"{RUN_TABLE} and its files say it")
-        return read_listed(
+        intake = Intake(passport, max_rows=self.limits.rows)
+        intake.findings += [*noticed, *told, *of_map, *unused, *elsewhere]
+        offered = take_listed(
+            intake,
             folder,
             passport,
             table,
-            name=self._name(file),
             column_map=mapping,
-            strict=self.form.strict,
             max_file_bytes=min(self.limits.file_bytes, 256 << 20),
             max_total_bytes=self.limits.total_bytes,
-            max_rows=self.limits.rows,
             progress=self.progress,
-            noticed=[*noticed, *told, *of_map, *unused, *elsewhere],
         )
+        return intake.conclude(self._name(file), offered, strict=self.form.strict)
 
     def _ours(
         self, path: Path, file: str, stored: bytes | None, noticed: Sequence[Finding]
