@@ -17,7 +17,9 @@ import numpy.typing as npt
 
 from service.datasets.columns import MAX_COLUMNS, meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.readers.foreign import unsupported
 from service.datasets.readers.numbers import is_number
+from service.datasets.readers.sniff import HEAD_BYTES
 from service.datasets.readers.table import Lines
 
 COMMENTS = ("#", "//", "%", "!")
@@ -106,6 +108,9 @@ def split_text(data: bytes, *, file: str = "file", max_rows: int) -> SplitText:
 
 def _plain(data: bytes, file: str) -> tuple[bytes, list[Finding]]:
     """UTF-8 without byte-order mark, with newlines as line ends; refuses what is no text."""
+    foreign = unsupported(data[:HEAD_BYTES], file)
+    if foreign is not None:
+        raise UnusableFileError([foreign])
     if b"\0" in data or data.startswith((b"\xff\xfe", b"\xfe\xff")):
         message = "binary or UTF-16 content; expected plain text with one row per line (UTF-8 or ASCII)"
         raise UnusableFileError([reject(file, Code.NOT_TEXT, message)])

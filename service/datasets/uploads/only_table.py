@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from service.datasets.file_names import is_of_desktop
-from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.findings import MAX_LOCATED, Code, Finding, UnusableFileError, reject, warn
 from service.datasets.intake import names_of
 from service.datasets.passport import PASSPORT_FILE, Passport
 from service.datasets.readers.column_map import ColumnMap, resolve
+from service.datasets.readers.foreign import unsupported
 from service.datasets.readers.foreign_parquet import ParquetTable
 from service.datasets.readers.long_table import NUMBER_LABELS, TEXT_LABELS
 from service.datasets.readers.sniff import HEAD_BYTES, Kind, kind_of
@@ -28,6 +29,9 @@ def only_table(root: Path, passport: Passport, column_map: ColumnMap | None) -> 
     data = [each for each in files if each.name.lower().endswith(_ENDINGS)] or files
     chosen = data if len(data) == 1 else [each for each in data if _is_table(each, passport, column_map)]
     if len(chosen) != 1:
+        foreign = [] if chosen else [_foreign(each, each.relative_to(root).as_posix()) for each in files[:MAX_LOCATED]]
+        if any(foreign):
+            raise UnusableFileError([finding for finding in foreign if finding])
         listed = ", ".join(repr(each.relative_to(root).as_posix()) for each in (chosen or files)[:5])
         what = f"{len(chosen)} tables ({listed})" if chosen else f"{len(files)} other files ({listed})"
         message = f"is not in the archive, which has {what}; it must list file, slope, mass, torque"
@@ -53,6 +57,14 @@ def _is_table(path: Path, passport: Passport, column_map: ColumnMap | None) -> b
     except UnusableFileError:
         return False
     return True
+
+
+def _foreign(path: Path, file: str) -> Finding | None:
+    """A word about a file that is a known format of others."""
+    try:
+        return unsupported(read_start(path, HEAD_BYTES), file)
+    except UnusableFileError:
+        return None
 
 
 def _found(table: Table, passport: Passport, column_map: ColumnMap | None) -> list[int]:

@@ -24,9 +24,10 @@ from service.datasets.parquet import read_parquet, unknown_columns
 from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
 from service.datasets.readers.column_map import ColumnMap
 from service.datasets.readers.folder import passport_of, take_listed, unlisted_in
+from service.datasets.readers.foreign import unsupported
 from service.datasets.readers.foreign_parquet import ParquetTable, declares_our_format
 from service.datasets.readers.long_table import MAY_CHANGE, REQUIRED_LABELS, is_long, read_long, take_runs
-from service.datasets.readers.sniff import HEAD_BYTES, Kind, foreign_name, kind_of
+from service.datasets.readers.sniff import HEAD_BYTES, Kind, kind_of
 from service.datasets.readers.table import Samples, Table
 from service.datasets.readers.text_table import parse_text
 from service.datasets.report import ValidationReport, refused
@@ -105,12 +106,9 @@ class _UploadReader:
         kind, head = _sniff(path)
         if kind is Kind.EMPTY:
             raise UnusableFileError([reject(file, Code.EMPTY_FILE, "has no bytes")])
-        if kind is Kind.FOREIGN:
-            message = (
-                f"is {foreign_name(head)}; expected a zip or tar with runs.csv and passport.json, Parquet, or text "
-                "with one row per sample"
-            )
-            raise UnusableFileError([reject(file, Code.UNSUPPORTED_FORMAT, message)])
+        foreign = unsupported(head, file)
+        if foreign is not None:
+            raise UnusableFileError([foreign])
         if kind not in {Kind.PARQUET, Kind.TEXT}:
             raise UnusableFileError([reject(file, Code.NESTED_ARCHIVE, f"is a {kind} inside an archive")])
         if kind is Kind.PARQUET and declares_our_format(path, file=file, limits=self.limits):
