@@ -57,6 +57,7 @@ class Code(StrEnum):
     ENCODING = "encoding"
     COMMENT = "comment"
     PRESET = "preset"
+    MISLABELLED = "mislabelled"
     # the run table
     RUN_TABLE = "run-table"
     SCENARIO_VARIES = "scenario-varies"

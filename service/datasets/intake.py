@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 from service.datasets.checks.candidate import Candidate
+from service.datasets.checks.labels import check_labels
 from service.datasets.checks.validate import Fingerprint, check_duplicates, check_run, check_slopes, fingerprint
 from service.datasets.findings import Code, Finding, UnusableFileError, reject
 from service.datasets.passport import Passport
 from service.datasets.readers.column_map import ColumnMap, resolve
-from service.datasets.readers.table import Samples, Table, samples_of
+from service.datasets.readers.headerless import suggestion
+from service.datasets.readers.table import Samples, Table, numbers_if_any, samples_of
 from service.datasets.report import RejectedDatasetError, ValidationReport, make_report
 from service.datasets.run import MAX_ROWS_PER_RUN, MAX_TOTAL_ROWS, Dataset, Run
 from service.datasets.run_table import RunEntry
@@ -106,10 +108,17 @@ def run_in(table: Table, passport: Passport, column_map: ColumnMap | None) -> Sa
     if len(table.lines) > MAX_ROWS_PER_RUN:
         message = f"{len(table.lines)} rows in one run, allowed are at most {MAX_ROWS_PER_RUN}"
         raise UnusableFileError([reject(table.file, Code.TOO_LARGE, message)])
-    found = resolve(names_of(table, passport), table.width, column_map, file=table.file)
+    names = names_of(table, passport)
+    try:
+        found = resolve(names, table.width, column_map, file=table.file)
+    except UnusableFileError as error:
+        told = suggestion(table) if names is None and column_map is None else None
+        raise UnusableFileError([told, *error.findings]) if told else error from error
     columns = dict(zip(found.indices, table.numbers(list(found.indices.values())), strict=True))
     samples = samples_of(columns, table.lines, file=table.file, zero_start=found.zero_start)
-    return replace(samples, findings=(*table.noticed, *found.findings, *samples.findings))
+    checked = {name: column.values for name, column in numbers_if_any(table, found.checked).items()}
+    lies = check_labels(found.preset, columns["time_s"].values, checked, file=table.file)
+    return replace(samples, findings=(*table.noticed, *found.findings, *lies, *samples.findings))
 
 
 def names_of(table: Table, passport: Passport) -> tuple[str, ...] | None:

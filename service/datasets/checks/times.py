@@ -20,6 +20,9 @@ MOST_STEPS = 10
 GAP_FACTOR = 5.0
 """A step longer than this many median steps is a hole; solvers with variable step vary less between neighbours."""
 
+VARIES = 0.5
+"""Steps that differ by more than this part of the shorter one; a row that waits for a step to end differs by less."""
+
 GAP_REJECT_S = 0.25
 """A rover at VIPER's 0.8 m/s moves 20 cm in a hole this long: the learned curve would be a guess."""
 
@@ -78,6 +81,18 @@ def step(run: Candidate) -> Iterator[Finding]:
         message = (
             f"median step is {median:g} s, runs.csv says step_s {declared:g}, allowed are 1 to {MOST_STEPS} of that"
         )
+        yield run.warn(Code.STEP, message, column="time_s")
+
+
+def varying(run: Candidate) -> Iterator[Finding]:
+    """Solvers with a variable step are welcome; what their steps are is worth a word. Single long steps are `gaps`."""
+    steps = np.diff(run.time_s)
+    shortest, longest = np.percentile(steps, [1.0, 99.0])
+    # times of six digits are known to this
+    digits = 2e-5 * float(run.time_s[-1])
+    if longest - shortest > VARIES * shortest + digits:
+        median = float(np.median(steps))
+        message = f"the time step varies from {steps.min():.3g} to {steps.max():.3g} s, its median is {median:.3g} s"
         yield run.warn(Code.STEP, message, column="time_s")
 
 

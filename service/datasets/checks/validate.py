@@ -23,7 +23,7 @@ _STAGES: tuple[tuple[Check, ...], ...] = (
     (values.finite, values.told, times.rows),
     (values.units,),
     (values.ranges, values.brake, values.agreement, times.increasing),
-    (times.start, times.horizon, times.step, times.gaps),
+    (times.start, times.horizon, times.step, times.varying, times.gaps),
     (motion.origin, motion.jumps, motion.speed, motion.wheel_band),
 )
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 from service.datasets.columns import BY_NAME, MAX_COLUMNS, REQUIRED, meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.readers.presets import DEMOS, Demo
+from service.datasets.readers.recognise import places, preset_of, told_by_header
 from service.errors import InvalidValueError
 
 
@@ -15,12 +17,12 @@ class ColumnMap:
     """Canonical name -> header name, or 0-based index where there is no header.
 
     `zero_start` moves time and both x columns so that the first row is the origin: demos start at their own
-    place in a world frame. `signature` is the exact header by which a preset is recognised.
+    place in a world frame. `preset` is the key of `DEMOS` that this map stands for.
     """
 
     sources: Mapping[str, str | int]
     zero_start: bool = False
-    signature: tuple[str, ...] = field(default=(), repr=False)
+    preset: str | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         allowed = f"names among {', '.join(BY_NAME)}"
@@ -45,38 +47,25 @@ class ColumnMap:
         return cls(sources, zero_start=bool(sources.pop("zero_start", False)))
 
 
-_TWELVE = ("vx", "vy", "vz", "ax", "ay", "az", "fx", "fy", "fz", "tx", "ty", "tz")
-
 PRESETS: dict[str, ColumnMap] = {
     # runs of this project: canonical names in the header
     "rover-twin": ColumnMap({name: name for name in REQUIRED}),
-    # demo_ROBOT_Viper_WheelSlope_CRM.cpp: z is vertical, y sideways; ax..az really hold *angular velocity*,
-    # in a body frame, so they are left out
-    "chrono-viper-slope": ColumnMap(
-        {"time_s": "time", "rear_x_m": "x", "rear_y_m": "z", "rear_lateral_m": "y", "speed_mps": "vx"},
-        zero_start=True,
-        signature=("time", "x", "y", "z", *_TWELVE),
-    ),
-    # demo_ROBOT_Lander_CRM.cpp
-    "lander": ColumnMap(
-        {"time_s": "time", "rear_x_m": "px", "rear_y_m": "pz", "rear_lateral_m": "py", "speed_mps": "vx"},
-        zero_start=True,
-        signature=("time", "px", "py", "pz", "vx", "vy", "vz", "wx", "wy", "wz"),
-    ),
-    # demo_VEH_CRMTerrain_WheeledVehicle.py: rows `time x y z speed` without header
-    "vehicle-python": ColumnMap(
-        {"time_s": 0, "rear_x_m": 1, "rear_y_m": 3, "rear_lateral_m": 2, "speed_mps": 4}, zero_start=True
-    ),
+    **{key: ColumnMap(demo.sources, zero_start=True, preset=key) for key, demo in DEMOS.items()},
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """Canonical name or label -> 0-based index in the file, and what was noticed on the way."""
+    """Canonical name or label -> 0-based index in the file, and what was noticed on the way.
+
+    `checked` are columns of the demo `preset` that are to be compared with each other: its own name -> index.
+    """
 
     indices: dict[str, int]
     zero_start: bool
     findings: tuple[Finding, ...]
+    preset: str | None = None
+    checked: Mapping[str | int, int] = field(default_factory=dict)
 
 
 def resolve(
@@ -90,15 +79,18 @@ def resolve(
     """Find the canonical columns, and those of `labels` that are there, among `names` (None: no header, "": no name)
     of a file with `count` columns.
 
-    An explicit map wins; then the header of a known demo; then names without doubt. Raises UnusableFileError when a
+    An explicit map wins; then names without doubt; then the header of a known demo. Raises UnusableFileError when a
     required column is not found, a mapped one does not exist, or two columns mean the same.
     """
-    preset = None if column_map else _preset_of(names)
-    chosen = column_map or (PRESETS[preset] if preset else None)
+    named = _by_name(names, labels)
+    seen = None if column_map or all(name in named for name in REQUIRED) else preset_of(names or ())
+    chosen = column_map or (PRESETS[seen] if seen else None)
+    demo = DEMOS[chosen.preset] if chosen is not None and chosen.preset else None
+    at = places(demo, names, count) if demo else {}
     mapped = {} if chosen is None else {
-        name: _locate(source, names, count, name, file) for name, source in chosen.sources.items()
+        name: at[source] if source in at else _locate(source, names, count, name, file)
+        for name, source in chosen.sources.items()
     }  # fmt: skip
-    named = {} if chosen is not None and chosen.signature else _by_name(names, labels)
     clashes = [
         _clash(name, [names[index] for index in several], file)
         for name, several in named.items()
@@ -111,21 +103,30 @@ def resolve(
     if missing:
         raise UnusableFileError([_missing(name, names, count, file) for name in missing])
     findings: list[Finding] = []
-    if preset is not None:
-        what = ", ".join(f"{name} is {source!r}" for name, source in PRESETS[preset].sources.items())
-        message = f"the header is that of the preset {preset}: {what}; time and x are counted from the first row"
-        findings.append(warn(file, Code.PRESET, message))
+    if demo is not None and chosen is not None:
+        how = f"the header is that of the preset {seen}" if seen else f"read by the preset {chosen.preset}"
+        findings.append(warn(file, Code.PRESET, f"{how}: {_told(demo, mapped, names)}"))
     ignored = [i for i in range(count) if i not in set(indices.values())]
     if ignored:
         listed = ", ".join(repr(names[i]) if names and names[i] else f"#{i}" for i in ignored[:12])
         message = f"not used: {listed}{', ...' if len(ignored) > 12 else ''}"
         findings.append(warn(file, Code.IGNORED_COLUMN, message))
-    return Resolution(indices, chosen.zero_start if chosen else False, tuple(findings))
+    checked = {name: at[name] for name in demo.checked if name in at} if demo else {}
+    preset = chosen.preset if chosen else None
+    return Resolution(indices, chosen.zero_start if chosen else False, tuple(findings), preset, checked)
 
 
-def _preset_of(names: Sequence[str] | None) -> str | None:
-    header = tuple(name.lower() for name in names or ())
-    return next((key for key, each in PRESETS.items() if each.signature and each.signature == header), None)
+def _told(demo: Demo, mapped: Mapping[str, int], names: Sequence[str] | None) -> str:
+    """What a preset made of a file, in one sentence."""
+    columns = [f"{name} is {repr(names[index]) if names else f'#{index}'}" for name, index in mapped.items()]
+    clauses = [
+        f"written by {demo.program}",
+        ", ".join(columns),
+        f"the position is that of {demo.body}, in Chrono's world axes (z up, a slope by tilted gravity)",
+        *demo.notes,
+        "time and x are counted from the first row",
+    ]
+    return "; ".join(clauses)
 
 
 def _by_name(names: Sequence[str] | None, labels: Collection[str] = ()) -> dict[str, list[int]]:
@@ -164,17 +165,11 @@ def _locate(source: str | int, names: Sequence[str] | None, count: int, name: st
 
 
 def _missing(name: str, names: Sequence[str] | None, count: int, file: str, wanted: str | None = None) -> Finding:
+    what = f"no column {wanted!r} for {name}" if wanted else f"no column for {name}"
     if names is None:
         has = f"there is no header over its {count} columns"
         remedy = f'give a column map with 0-based indices, for example {{"{name}": 1}}'
-        if count == len(PRESETS["vehicle-python"].sources):
-            # two demos write five columns without a header, and only one of them can be learned from
-            remedy += (
-                ", or the preset vehicle-python if the columns are time x y z speed; time and four wheel torques, as "
-                "demo_ROBOT_Viper_SCM writes, have no position: nothing can be learned from them"
-            )
     else:
         has = f"the header has {', '.join(repr(each) for each in names[:16])}"
-        remedy = f"give a column map, or a preset among {', '.join(PRESETS)}"
-    what = f"no column {wanted!r} for {name}" if wanted else f"no column for {name}"
+        remedy = told_by_header(names) or f"give a column map, or a preset among {', '.join(PRESETS)}"
     return reject(file, Code.MISSING_COLUMN, f"{what}: {has}; {remedy}", column=name)

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from service.datasets.checks.labels import check_labels
 from service.datasets.checks.validate import check_entries
 from service.datasets.columns import meaning_of
 from service.datasets.file_names import shown
@@ -23,7 +24,7 @@ from service.datasets.findings import Code, Finding, UnusableFileError, reject, 
 from service.datasets.intake import Intake
 from service.datasets.readers.column_map import ColumnMap, resolve
 from service.datasets.readers.runs_in_table import Rows, groups_of, runs_in_table
-from service.datasets.readers.table import Lines, Numbers, Samples, Table, Texts, gaps_in, samples_of
+from service.datasets.readers.table import Lines, Numbers, Samples, Table, Texts, gaps_in, numbers_if_any, samples_of
 from service.datasets.run import MAX_RUNS
 from service.datasets.run_table import SCENARIO_LIMITS, RunEntry, scenario_fault
 
@@ -35,7 +36,10 @@ MAY_CHANGE = ("slope_deg", "torque_nm")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LongTable:
-    """`columns` are those of the runs, by canonical name; `numbers` and `texts` are labels by name. All are (row,)."""
+    """`columns` are those of the runs, by canonical name; `numbers` and `texts` are labels by name. All are (row,).
+
+    `checked` are columns of the demo `preset` that are to be compared with each other.
+    """
 
     file: str
     columns: Mapping[str, Numbers]
@@ -44,6 +48,8 @@ class LongTable:
     lines: Lines
     zero_start: bool
     noticed: tuple[Finding, ...]
+    preset: str | None = None
+    checked: Mapping[str | int, Numbers] = field(default_factory=dict)
 
 
 def is_long(names: Sequence[str] | None) -> bool:
@@ -75,7 +81,8 @@ def read_long(table: Table, column_map: ColumnMap | None) -> LongTable:
         raise UnusableFileError(gaps)
     numbers = {name: label for name, label in numbers.items() if name not in empty}
     noticed = (*table.noticed, *found.findings, *findings)
-    return LongTable(file, columns, numbers, texts, table.lines, found.zero_start, noticed)
+    checked = numbers_if_any(table, found.checked)
+    return LongTable(file, columns, numbers, texts, table.lines, found.zero_start, noticed, found.preset, checked)
 
 
 def take_runs(intake: Intake, long: LongTable, *, given: Mapping[str, float], set_name: str) -> list[str]:
@@ -115,7 +122,10 @@ def _samples(long: LongTable, entry: RunEntry, rows: Rows) -> Samples:
     chosen: slice | Rows = slice(int(rows[0]), int(rows[-1]) + 1) if together else rows
     columns = {name: column[chosen] for name, column in long.columns.items()}
     columns |= {label: long.numbers[label][chosen] for label in MAY_CHANGE if getattr(entry, label) is None}
-    return samples_of(columns, long.lines[chosen], file=entry.file, zero_start=long.zero_start)
+    samples = samples_of(columns, long.lines[chosen], file=entry.file, zero_start=long.zero_start)
+    checked = {name: column.values[chosen] for name, column in long.checked.items()}
+    lies = check_labels(long.preset, columns["time_s"].values, checked, file=entry.file)
+    return replace(samples, findings=(*lies, *samples.findings))
 
 
 def _by_run(run: Texts) -> list[tuple[str, Rows]]:

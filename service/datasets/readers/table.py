@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -74,6 +75,18 @@ class Table(Protocol):
 
     def texts(self, index: int) -> Texts:
         """One column as texts. Raises UnusableFileError."""
+
+
+def numbers_if_any(table: Table, places: Mapping[str | int, int]) -> dict[str | int, Numbers]:
+    """These columns by any name, but for those that are no numbers: they are only to be looked at, not to be used."""
+    try:
+        return dict(zip(places, table.numbers(list(places.values())), strict=True))
+    except UnusableFileError:
+        found: dict[str | int, Numbers] = {}
+        for name, index in places.items():
+            with contextlib.suppress(UnusableFileError):
+                found[name] = table.numbers([index])[0]
+        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
