@@ -87,7 +87,7 @@ def step(run: Candidate) -> Iterator[Finding]:
 def varying(run: Candidate) -> Iterator[Finding]:
     """Solvers with a variable step are welcome; what their steps are is worth a word. Single long steps are `gaps`."""
     steps = np.diff(run.time_s)
-    shortest, longest = np.percentile(steps, [1.0, 99.0])
+    shortest, longest = np.percentile(steps, [5.0, 95.0])
     # times of six digits are known to this
     digits = 2e-5 * float(run.time_s[-1])
     if longest - shortest > VARIES * shortest + digits:

@@ -122,7 +122,8 @@ def _told(demo: Demo, mapped: Mapping[str, int], names: Sequence[str] | None) ->
     clauses = [
         f"written by {demo.program}",
         ", ".join(columns),
-        f"the position is that of {demo.body}, in Chrono's world axes (z up, a slope by tilted gravity)",
+        f"the position is that of {demo.body}",
+        "x lies along the slope and z normal to it where the slope is made by tilting gravity",
         *demo.notes,
         "time and x are counted from the first row",
     ]

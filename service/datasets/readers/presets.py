@@ -1,7 +1,8 @@
 """What programs of Project Chrono write: which column is what, for files that can be learned from and for the others.
 
 Read from the sources of Chrono 8.0, 9.0.1 and of August 2026 (main, towards 10.1). All write six significant digits
-(the co-simulation eight), in world axes: x forward, y to the left, z up; a slope is made by tilting gravity about y.
+(the co-simulation eight), in world axes: x forward, y to the left, z up. A slope is made by tilting gravity about y, so
+that x lies along it and z normal to it.
 """
 
 from __future__ import annotations

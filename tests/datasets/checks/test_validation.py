@@ -100,11 +100,12 @@ def test_step_that_disagrees_with_the_table_is_told(folder, make_motion):
     assert [finding.code for finding in report.findings] == ["step"]
 
 
-def test_variable_step_is_fine(folder, make_motion):
+def test_variable_step_is_fine_and_told(folder, make_motion):
     columns = make_motion(rows=2001)
     rows = np.unique(np.concatenate([[0, 2000], np.cumsum(np.random.default_rng(3).integers(4, 14, 300))]))
     _, report = read_folder(folder.add("run.csv", keep(rows[rows <= 2000])(columns)).write())
-    assert report.findings == ()
+    assert [(finding.code, finding.severity) for finding in report.findings] == [("step", "warn")]
+    assert "from 0.02 to 0.065 s" in report.findings[0].message
 
 
 @pytest.mark.parametrize(

@@ -85,7 +85,7 @@ def test_a_demo_file_becomes_a_run_that_starts_at_zero(folder, make_motion):
     run = dataset.runs[0]
     np.testing.assert_allclose(run.x_m, own["rear_x_m"], atol=1e-8)
     assert set(run.columns) == {"time_s", "rear_x_m", "rear_y_m", "speed_mps", "rear_lateral_m"}
-    assert [finding.code for finding in report.findings] == ["preset", "ignored-column"]
+    assert [finding.code for finding in report.findings] == ["preset", "ignored-column", "mislabelled"]
 
 
 def test_taking_the_demos_angular_velocity_for_speed_is_caught(folder, make_motion, as_text):
