@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import gzip
+import io
 
 import numpy as np
+import pyarrow as pa
 import pytest
+from pyarrow import parquet as pq
 
 from service.datasets import PRESETS, RejectedDatasetError, read_folder
 from service.datasets.readers.presets import DEMOS, SILENT
 from service.datasets.uploads.upload import read_upload
 from service.datasets.uploads.upload_form import UploadForm
 from tests.datasets import chrono_demos as demos
+from tests.datasets.conftest import PASSPORT
 from tests.datasets.hostile_files import zipped
 
 SEEN = {
@@ -261,6 +265,20 @@ def test_runs_of_a_demo_in_one_long_table(tmp_path):
         assert_is_the_run(run, real)
     assert len(of_code(report, "preset")) == 1
     assert [finding.file for finding in of_code(report, "mislabelled")] == ["run.dat#a", "run.dat#b"]
+
+
+def test_parquet_with_the_names_of_a_demo(tmp_path):
+    sink = io.BytesIO()
+    columns = {name: [float(cell) for cell in cells] for name, cells in columns_of(demos.viper_slope()).items()}
+    pq.write_table(pa.table(columns), sink)
+    dataset, report = read(tmp_path, sink.getvalue())
+    assert_is_the_run(dataset.runs[0], demos.fixed_step())
+    assert [len(of_code(report, code)) for code in ("preset", "mislabelled")] == [1, 1]
+
+
+def test_a_preset_may_stand_in_the_passport(tmp_path):
+    dataset, _ = read(tmp_path, demos.vehicle(), passport=PASSPORT | {"column_map": "vehicle-python"})
+    assert_is_the_run(dataset.runs[0], demos.fixed_step())
 
 
 def test_columns_that_are_only_looked_at_may_hold_anything(tmp_path):

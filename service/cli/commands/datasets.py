@@ -42,9 +42,10 @@ Columns = Annotated[
     typer.Option(
         "--column-map",
         metavar="JSON|PRESET",
-        help="Which column is which, where headers do not say: a preset (rover-twin, chrono-viper-slope, lander, "
-        'vehicle-python) or JSON such as {"time_s": 0, "rear_x_m": 1, "rear_y_m": 3, "zero_start": true} with '
-        "header names or 0-based indices.",
+        help="Which column is which, where headers do not say: a preset for what a program of Chrono writes "
+        "(docs/training.md lists them; without a header: vehicle-python, chrono-single-wheel, "
+        "chrono-viper-sph-position, chrono-cosim-rover, chrono-cosim-wheel) or JSON such as "
+        '{"time_s": 0, "rear_x_m": 1, "rear_y_m": 3, "zero_start": true} with header names or 0-based indices.',
     ),
 ]
 

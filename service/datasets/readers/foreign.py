@@ -56,7 +56,7 @@ FORMATS: tuple[Format, ...] = (
     Format("Feather 1", "in Python: pandas.read_feather('run.feather').to_parquet('run.parquet')", (b"FEA1",)),
     Format("an Arrow stream", "in Python: pyarrow.ipc.open_stream(file).read_pandas().to_parquet('run.parquet')",
            (b"\xff\xff\xff\xff",)),
-    Format("SQLite", "sqlite3 -header -csv run.db 'select * from runs' > runs.csv", (b"SQLite format 3\x00",)),
+    Format("SQLite", "sqlite3 -header -csv run.db 'select * from run' > run.csv", (b"SQLite format 3\x00",)),
     Format("netCDF", "in Python: xarray.open_dataset('run.nc').to_dataframe().to_csv('run.csv')",
            (b"CDF\x01", b"CDF\x02", b"CDF\x05")),
     Format("Avro", "in Python: fastavro.reader(file), then to_csv", (b"Obj\x01",)),

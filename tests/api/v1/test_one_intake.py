@@ -8,7 +8,9 @@ import re
 import pytest
 
 from tests.cli.conftest import call
+from tests.datasets import chrono_demos
 from tests.datasets.field_cases import COMMA, WAYS
+from tests.datasets.foreign_files import hdf5
 from tests.datasets.test_field_cases import archive, long_table, packed, table
 
 DATASETS = "/v1/admin/datasets"
@@ -23,6 +25,9 @@ FILES = {
     "backslashes": (packed(archive(COMMA(*table())) | {"runs\\x.csv": b"1"}, system=0), {}),
     "other fields": (COMMA(*long_table()), {"slope_deg": "3"}),
     "two slopes": (COMMA([*long_table()[0], "Slope (deg)"], [[*row, "1"] for row in long_table()[1]]), {}),
+    "a demo of Chrono": (chrono_demos.viper_slope(), SCENARIO),
+    "a demo without position": (chrono_demos.scm_torques(), SCENARIO),
+    "HDF5": (hdf5(), SCENARIO),
     "not a number": (COMMA(table()[0], [*table()[1], ["0", "1", "x", "2"]]), SCENARIO),
 }
 
