@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import gzip
 import io
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pytest
 from pyarrow import parquet as pq
 
+from service.cli.commands.datasets import Columns
 from service.datasets import PRESETS, RejectedDatasetError, read_folder
 from service.datasets.readers.presets import DEMOS, SILENT
 from service.datasets.uploads.upload import read_upload
@@ -292,3 +294,25 @@ def test_no_two_kinds_share_a_header():
     headers = [tuple(sorted(each.header)) for each in (*DEMOS.values(), *SILENT) if each.header]
     assert len(set(headers)) == len(headers)
     assert all(each.width == len(each.header) for each in (*DEMOS.values(), *SILENT) if each.header)
+
+
+@pytest.mark.parametrize("value", [1e300, -1e300, 1e12, float("nan"), float("inf"), 0.0])
+@pytest.mark.parametrize("place", range(7))
+@pytest.mark.parametrize("header", [demos.SLOPE_HEADER, ""], ids=["header", "none"])
+def test_absurd_numbers_anywhere_are_refused_or_read_and_never_break_the_comparison(header, place, value, tmp_path):
+    rows = [line.split(b"\t") for line in demos.viper_slope(demos.fixed_step(every_s=0.05), header="").splitlines()]
+    rows[-1][place] = repr(value).encode()
+    text = b"\n".join([*([header.encode()] if header else []), *(b"\t".join(row) for row in rows)])
+    try:
+        dataset, _ = read(tmp_path, text)
+    except RejectedDatasetError:
+        return
+    assert place > 0
+    assert header
+    assert len(dataset.runs) == 1
+
+
+def test_every_preset_stands_in_the_documentation_and_those_to_be_named_in_the_help():
+    page = (Path(__file__).parents[2] / "docs" / "training.md").read_text()
+    assert [name for name in DEMOS if f"`{name}`" not in page] == []
+    assert [name for name in NAMED if name not in str(Columns.__metadata__[0].help)] == []

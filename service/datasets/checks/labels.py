@@ -34,6 +34,10 @@ Of 51 shipped runs, a row each 10 ms, accelerations (second differences of the p
 NOTHING = 1e-6
 """Accelerations below this, m/s2, are zeros: a column that somebody left empty."""
 
+LONGEST_S = 1000.0
+ABSURD = 1e9
+"""No run is that long, and no position, speed or acceleration that large."""
+
 DIGITS = 1e-5
 """Six significant digits are known to this part of the largest value."""
 
@@ -60,15 +64,22 @@ def mean_rates(time_s: Array, column: Array, rate: Array, window_s: float) -> Me
     return Means(np.diff(column[edges]) / width, np.diff(grown[edges]) / width)
 
 
+def can_be_compared(time_s: Array) -> bool:
+    """Whether times (row,), s, are those of a run, so that differences mean something and windows are not too many."""
+    if len(time_s) < 3 or not np.isfinite(time_s).all():
+        return False
+    return bool((np.diff(time_s) > 0).all()) and float(time_s[-1] - time_s[0]) <= LONGEST_S
+
+
 def check_labels(preset: str | None, time_s: Array, columns: Mapping[str | int, Array], *, file: str) -> list[Finding]:
     """What the columns of one run say about each other, if a demo wrote it; `columns` are by the demo's own names.
 
-    Nothing, where time does not increase or a number is missing: other checks tell that.
+    Nothing, where time does not increase or a number is missing or absurd: other checks tell that.
     """
-    if preset is None or len(time_s) < 3 or not (np.diff(time_s) > 0).all() or not np.isfinite(time_s).all():
+    if preset is None or not can_be_compared(time_s):
         return []
     demo = DEMOS[preset]
-    known = {name: column for name, column in columns.items() if np.isfinite(column).all()}
+    known = {name: column for name, column in columns.items() if np.isfinite(column).all() and _is_sane(column)}
     rates = [pair for pair in demo.rates if set(pair) <= set(known)]
     return [*_positions(rates, time_s, known, file), *_accelerations(demo, time_s, known, file)]
 
@@ -121,6 +132,10 @@ def _accelerations(demo: Demo, time_s: Array, columns: Mapping[str | int, Array]
     if message:
         names = ", ".join(str(claim) for _, claim in claims)
         yield warn(file, Code.MISLABELLED, f"{message}; they are not used", column=names)
+
+
+def _is_sane(column: Array) -> bool:
+    return bool((np.abs(column) < ABSURD).all())
 
 
 def _rms(values: Array) -> float:

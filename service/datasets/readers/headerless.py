@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from service.datasets.checks.labels import mean_rates
+from service.datasets.checks.labels import ABSURD, can_be_compared, mean_rates
 from service.datasets.findings import Code, Finding, UnusableFileError, reject
 from service.datasets.readers.presets import DEMOS, Demo
 from service.datasets.readers.recognise import candidates, nothing_to_learn, places
@@ -24,8 +24,7 @@ def suggestion(table: Table) -> Finding | None:
         columns = [column.values for column in table.numbers(range(table.width))]
     except UnusableFileError:
         return None
-    time_s = columns[0]
-    if len(time_s) < 3 or not np.isfinite(time_s).all() or not (np.diff(time_s) > 0).all() or time_s[0] < 0:
+    if not can_be_compared(columns[0]) or columns[0][0] < 0:
         return None
     likely = [key for key in presets if _fits(DEMOS[key], columns)]
     told = [f"if they are those of {DEMOS[key].program}, pass column_map={key}" for key in likely]
@@ -43,7 +42,7 @@ def _fits(demo: Demo, columns: list[Array]) -> bool:
     if "speed_mps" not in index:
         return True
     time_s, x, speed = (columns[index[name]] for name in ("time_s", "rear_x_m", "speed_mps"))
-    if not (np.isfinite(x).all() and np.isfinite(speed).all()):
+    if not all(np.isfinite(each).all() and np.abs(each).max() < ABSURD for each in (x, speed)):
         return False
     means = mean_rates(time_s, x, speed, max(_WINDOW_S, 5.0 * float(np.median(np.diff(time_s)))))
     return means.error <= _LOOSE_M_S + _LOOSE * float(np.sqrt(np.mean(means.seen**2)))
