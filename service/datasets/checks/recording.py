@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
+import numpy.typing as npt
 
 from service.datasets.alignment import FIRST_ROW, Frame, Reference
 from service.datasets.checks.candidate import Array, Candidate
@@ -233,9 +234,9 @@ def settled_until(run: Candidate) -> tuple[float, str] | None:
     return None
 
 
-def _while(holds: Array) -> int:
+def _while(holds: npt.NDArray[np.bool_]) -> int:
     """Index of the last row up to which it holds."""
-    ends = np.flatnonzero(~np.asarray(holds, dtype=bool))
+    ends = np.flatnonzero(~holds)
     return len(holds) - 1 if not len(ends) else max(0, int(ends[0]) - 1)
 
 

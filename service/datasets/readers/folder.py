@@ -47,8 +47,9 @@ def read_folder(
     """Read and validate. A bad run is rejected with its reasons; the others are accepted.
 
     `column_map` (or the passport's own) says which column is which where headers do not, and `said` (or the passport's
-    `alignment`) how the runs were recorded. Raises DatasetError when passport or runs.csv cannot be used, RejectedDatasetError (with the report) when no run is usable or,
-    with `strict`, when any is not; InvalidValueError for a set that runs.csv does not have.
+    `alignment`) how the runs were recorded. Raises DatasetError when passport or runs.csv cannot be used,
+    RejectedDatasetError (with the report) when no run is usable or, with `strict`, when any is not; InvalidValueError
+    for a set that runs.csv does not have.
     """
     root = Path(folder)
     intake, offered = _taken(root, sets, column_map, said, max_file_bytes, progress, keep=True)
