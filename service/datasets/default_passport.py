@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from service.datasets.passport import Drive, Passport, Rover, Soil
+from service.datasets.passport import REAR_WHEEL, SLOPE_FRAME, Drive, Passport, Rover, Soil
 
 # As in the passport of the shipped runs: Chrono's VIPER with RealWheel on "lunar regolith, Apollo LRV values".
 VIPER_ON_LUNAR_REGOLITH = Passport(
     format="rover-twin-passport/1",
     title="assumed: VIPER straight up a lunar regolith slope",
     gravity_m_s2=1.62,
-    frame="slope frame: x along the slope, positive uphill; y normal to it, zero at the undeformed surface",
-    reference_body="centre of the rear left wheel",
+    frame=SLOPE_FRAME,
+    reference_body=REAR_WHEEL,
     rover=Rover(
         wheel_radius_m=0.25,
         wheelbase_m=1.2836,

@@ -82,7 +82,12 @@ class Code(StrEnum):
     SPEED_MISMATCH = "speed-mismatch"
     WHEEL_BAND = "wheel-band"
     WHEELBASE = "wheelbase"
+    # how it was recorded
     FRAME = "frame"
+    REFERENCE = "reference"
+    SETTLING = "settling"
+    MOVING_START = "moving-start"
+    ALIGNED = "aligned"
 
 
 @dataclass(frozen=True, slots=True)

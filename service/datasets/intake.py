@@ -5,11 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
+from service.datasets.align import aligned
+from service.datasets.alignment import FIRST_ROW, NOTHING_SAID, Alignment
 from service.datasets.checks.candidate import Candidate
 from service.datasets.checks.labels import check_labels
-from service.datasets.checks.validate import Fingerprint, check_duplicates, check_run, check_slopes, fingerprint
-from service.datasets.findings import Code, Finding, UnusableFileError, reject
-from service.datasets.passport import Passport
+from service.datasets.checks.validate import (
+    Fingerprint,
+    check_duplicates,
+    check_passport,
+    check_run,
+    check_slopes,
+    fingerprint,
+)
+from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.passport import PASSPORT_FILE, Passport
 from service.datasets.readers.column_map import ColumnMap, resolve
 from service.datasets.readers.headerless import suggestion
 from service.datasets.readers.table import Samples, Table, numbers_if_any, samples_of
@@ -39,26 +48,39 @@ class Intake:
     """Takes the runs of one dataset, one by one; `report`, or `conclude`, ends it.
 
     With `keep` False the rows of a run are forgotten once it is checked, so that memory does not grow with their
-    number: for a report without a dataset.
+    number: for a report without a dataset. `said` and the passport tell how runs were recorded; the dataset's passport
+    is that of the runs as they are kept.
     """
 
-    def __init__(self, passport: Passport, *, max_rows: int = MAX_TOTAL_ROWS, keep: bool = True) -> None:
-        self._passport = passport
+    def __init__(
+        self,
+        passport: Passport,
+        *,
+        said: Alignment = NOTHING_SAID,
+        max_rows: int = MAX_TOTAL_ROWS,
+        keep: bool = True,
+    ) -> None:
+        self.said = said.over(passport.said)
+        self._passport = passport.of_aligned(self.said)
         self._max_rows = self._rows_left = max_rows
         self._keep = keep
         self._runs: list[_Accepted] = []
-        self.findings: list[Finding] = []
+        self.findings: list[Finding] = [*_conflicts(said, passport), *check_passport(self._passport)]
 
     def take(self, entry: RunEntry, name: str, read: Callable[[], Samples]) -> None:
         """One run: what `read` gives, as the run `name` of `entry`. Faults become findings."""
         try:
             samples = read()
             self._count(entry, len(samples.lines))
+            of_start = Alignment(start=FIRST_ROW) if samples.zero_start else NOTHING_SAID
+            moved = aligned(samples, entry, self._passport, self.said.over(of_start))
         except UnusableFileError as error:
             self.findings += error.findings
             return
-        candidate = Candidate(entry, samples.columns, samples.lines, self._passport)
-        noticed = [*samples.findings, *check_run(candidate)]
+        candidate = Candidate(moved.entry, moved.columns, moved.lines, self._passport, self.said, moved.shift_s)
+        # where a preset was found, its finding says already that the first row is the start
+        is_told = not self.said.words() and any(each.code is Code.PRESET for each in samples.findings)
+        noticed = [*samples.findings, *(() if is_told else moved.findings), *check_run(candidate)]
         self.findings += noticed
         if not any(finding.rejects for finding in noticed):
             run = _run(candidate, name)
@@ -100,7 +122,18 @@ class Intake:
             raise UnusableFileError([reject(entry.file, Code.TOO_LARGE, message)])
 
 
-def run_in(table: Table, passport: Passport, column_map: ColumnMap | None) -> Samples:
+def _conflicts(said: Alignment, passport: Passport) -> list[Finding]:
+    """A word about what the passport says of the runs' recording and is not heeded."""
+    theirs = passport.said.words()
+    return [
+        warn(PASSPORT_FILE, Code.IGNORED_FIELD, f"{name} {theirs[name]} is not used: {word} was asked for",
+             column=f"alignment.{name}")
+        for name, word in said.words().items()
+        if name in theirs and theirs[name] != word
+    ]  # fmt: skip
+
+
+def run_in(table: Table, passport: Passport, column_map: ColumnMap | None, said: Alignment = NOTHING_SAID) -> Samples:
     """The samples of a table that holds one run; the passport names the columns of one without a header.
 
     Raises UnusableFileError.
@@ -110,7 +143,7 @@ def run_in(table: Table, passport: Passport, column_map: ColumnMap | None) -> Sa
         raise UnusableFileError([reject(table.file, Code.TOO_LARGE, message)])
     names = names_of(table, passport)
     try:
-        found = resolve(names, table.width, column_map, file=table.file)
+        found = resolve(names, table.width, column_map, file=table.file, front=said.is_of_front)
     except UnusableFileError as error:
         told = suggestion(table) if names is None and column_map is None else None
         raise UnusableFileError([told, *error.findings]) if told else error from error

@@ -7,6 +7,7 @@ from typing import Any, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
+from service.datasets.alignment import NOTHING_SAID, Alignment, Frame, Reference
 from service.datasets.canonical import canonical_json
 from service.errors import DatasetError
 
@@ -14,6 +15,8 @@ PASSPORT_FILE = "passport.json"
 FORMAT = "rover-twin-passport"
 MAJOR = 1
 MAX_BYTES = 1024 * 1024
+SLOPE_FRAME = "slope frame: x along the slope, positive uphill; y normal to it, zero at the undeformed surface"
+REAR_WHEEL = "centre of the rear left wheel"
 
 
 class _Open(BaseModel):
@@ -68,6 +71,7 @@ class Passport(_Open):
     drive: Drive | None = None
     columns: tuple[str, ...] | None = Field(default=None, max_length=256)
     column_map: str | dict[str, str | int] | None = None
+    alignment: Alignment | None = None
 
     @field_validator("format")
     @classmethod
@@ -79,6 +83,22 @@ class Passport(_Open):
         if int(major) != MAJOR:
             raise ValueError(f"is major {major}, this version reads major {MAJOR}; update the service")
         return value
+
+    def of_aligned(self, said: Alignment) -> Passport:
+        """The passport of the runs once they are brought from what is `said` to slope frame, rear wheel and start."""
+        fields: dict[str, Any] = {}
+        if said.frame not in (None, Frame.SLOPE) and "slope" not in self.frame.lower():
+            fields["frame"] = SLOPE_FRAME
+        if said.reference not in (None, Reference.REAR_WHEEL) and "rear" not in self.reference_body.lower():
+            fields["reference_body"] = REAR_WHEEL
+        kept = self.model_dump(exclude_unset=True, exclude={"alignment"}) if self.alignment is not None else None
+        passport = self if kept is None else Passport.model_validate(kept)
+        return passport.model_copy(update=fields) if fields else passport
+
+    @property
+    def said(self) -> Alignment:
+        """How it says that runs were recorded."""
+        return self.alignment or NOTHING_SAID
 
     def canonical_json(self) -> str:
         """The same text for the same content, whatever the order and spacing of the file it came from."""

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from model_store import DatasetDraft, DatasetNameTakenError, DatasetRecord, ModelStore
 from service.datasets import Dataset, ValidationReport, dataset_id, read_folder, read_parquet, summarise, to_parquet
+from service.datasets.alignment import NOTHING_SAID, Alignment
 from service.datasets.intake import Progress
 from service.datasets.passport import PASSPORT_FILE
 from service.datasets.thinning import thinned
@@ -32,17 +33,20 @@ def import_folder(
     sets: Collection[str] | None = None,
     strict: bool = False,
     column_map: str | Mapping[str, str | int] | None = None,
+    said: Alignment = NOTHING_SAID,
     step_s: float | None = None,
     progress: Progress | None = None,
 ) -> tuple[DatasetRecord, ValidationReport]:
     """Read, validate and publish the runs of a folder; the same runs twice are the same dataset.
 
     Values are rounded to the digits that `service.datasets.columns` states (0.1 micrometre for positions); no sample
-    is rejected. With `step_s` at most one row per so many seconds is kept, once all of them are checked (see
-    `service.datasets.thinning`). Raises what `read_folder`, `thinned`, `ModelStore.put_dataset` and
-    `require_dataset_name` raise.
+    is rejected. `said` tells how the runs were recorded. With `step_s` at most one row per so many seconds is kept,
+    once all of them are checked (see `service.datasets.thinning`). Raises what `read_folder`, `thinned`,
+    `ModelStore.put_dataset` and `require_dataset_name` raise.
     """
-    dataset, report = read_folder(folder, sets=sets, strict=strict, column_map=column_map, name=name, progress=progress)
+    dataset, report = read_folder(
+        folder, sets=sets, strict=strict, column_map=column_map, said=said, name=name, progress=progress
+    )
     if step_s is not None:
         dataset = thinned(dataset, step_s)
         report = replace(report, summary=summarise(dataset))

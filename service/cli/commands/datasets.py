@@ -14,6 +14,7 @@ from service.cli import options
 from service.cli.actions.dataset_findings import tell_findings
 from service.cli.failures import ExitCode, RefusedError, UsageError
 from service.cli.output import make_table, note, print_answer, print_json
+from service.cli.recording_options import FrameWord, ReferenceWord, StartWord
 from service.cli.store_access import open_store
 from service.cli.views.file_progress import file_progress
 
@@ -113,21 +114,32 @@ def preview_dataset(
 
 
 @app.command("validate")
-def validate_folder(folder: Folder, sets: Sets = None, column_map: Columns = None, json: options.Json = False) -> None:
+def validate_folder(
+    folder: Folder,
+    sets: Sets = None,
+    column_map: Columns = None,
+    frame: FrameWord = None,
+    reference: ReferenceWord = None,
+    start: StartWord = None,
+    json: options.Json = False,
+) -> None:
     """Read a folder of Chrono runs and say, file by file, what can be used and why the rest cannot.
 
     Nothing is stored. Exit code 4 when any run is unusable.
 
-    Example:
+    Examples:
       rover-twin datasets validate my-runs
+      rover-twin datasets validate my-runs --frame world --start 2.0
     """
     from service.datasets import RejectedDatasetError
     from service.datasets import validate_folder as validate
+    from service.datasets.alignment import Alignment
 
     mapping = read_column_map(column_map)
+    said = Alignment.said(frame=frame, reference=reference, start=start)
     try:
         with file_progress("reading") as progress:
-            report = validate(folder, sets=sets, column_map=mapping, progress=progress)
+            report = validate(folder, sets=sets, column_map=mapping, said=said, progress=progress)
     except RejectedDatasetError as error:
         report = error.report
     if json:
@@ -146,6 +158,9 @@ def import_runs(
     sets: Sets = None,
     strict: Strict = False,
     column_map: Columns = None,
+    frame: FrameWord = None,
+    reference: ReferenceWord = None,
+    start: StartWord = None,
     step_s: Annotated[
         float | None,
         typer.Option(
@@ -170,9 +185,11 @@ def import_runs(
       rover-twin datasets import my-runs --name stall --set stall --step-s 0.005
     """
     from service.datasets import RejectedDatasetError
+    from service.datasets.alignment import Alignment
     from service.training.dataset_import import import_folder
 
     mapping = read_column_map(column_map)
+    said = Alignment.said(frame=frame, reference=reference, start=start)
     try:
         with file_progress("reading") as progress:
             record, report = import_folder(
@@ -184,6 +201,7 @@ def import_runs(
                 sets=sets,
                 strict=strict,
                 column_map=mapping,
+                said=said,
                 step_s=step_s,
                 progress=progress,
             )
@@ -221,6 +239,9 @@ def upload_file(
     ] = None,
     strict: Strict = False,
     column_map: Columns = None,
+    frame: FrameWord = None,
+    reference: ReferenceWord = None,
+    start: StartWord = None,
     description: Annotated[str, typer.Option(help="A sentence for people, kept with the dataset.")] = "",
     actor: options.Actor = None,
     store: options.Store = None,
@@ -234,11 +255,15 @@ def upload_file(
       rover-twin datasets upload my-runs.zip --name my-runs
       rover-twin datasets upload my-runs.zip --dry-run
       rover-twin datasets upload one.dat --slope-deg 20 --mass-kg 430 --torque-nm 60 --column-map vehicle-python
+      rover-twin datasets upload settled.zip --start 2.0 --reference front-wheel --dry-run
     """
     from service.cli.actions.dataset_upload import Upload, upload
+    from service.datasets.alignment import Alignment
 
     fields = {"name": name, "set_name": set_name, "column_map": read_column_map(column_map), "passport": passport}
     scenario = {"slope_deg": slope_deg, "mass_kg": mass_kg, "torque_nm": torque_nm, "horizon_s": horizon_s}
+    Alignment.said(frame=frame, reference=reference, start=start)  # refuses what is no such word
+    fields |= {"frame": frame, "reference": reference, "start": start}
     told = Upload(file, {**fields, **scenario, "strict": strict, "description": description}, dry_run)
     with file_progress("reading") as progress:
         result = upload(told, open_store(store, create=not dry_run), options.actor_name(actor), progress)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from service.datasets.alignment import NOTHING_SAID, Alignment
 from service.datasets.findings import Code, Finding, reject, warn
 from service.datasets.passport import Passport
 from service.datasets.run_table import RunEntry
@@ -17,12 +18,17 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """Canonical columns, each float64 (time,), the file's line of each row (time,), scenario and passport."""
+    """Canonical columns, each float64 (time,), the file's line of each row (time,), scenario and passport.
+
+    `said` is what a person said of how it was recorded; `shift_s` was taken from the time stamps of the file.
+    """
 
     entry: RunEntry
     columns: Mapping[str, Array]
     lines: npt.NDArray[np.int64]
     passport: Passport
+    said: Alignment = NOTHING_SAID
+    shift_s: float = 0.0
 
     @property
     def time_s(self) -> Array:

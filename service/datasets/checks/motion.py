@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from service.datasets.checks.candidate import Array, Candidate
+from service.datasets.checks.recording import ahead_of_origin
 from service.datasets.findings import Code, Finding
 from service.datasets.passport import Passport
 
@@ -38,8 +39,16 @@ def origin(run: Candidate) -> Iterator[Finding]:
         return
     # a file whose first row is one step late has moved a little: that is a warning at most
     say = run.reject if abs(first) > ORIGIN_REJECT_M else run.warn
-    message = f"starts at {first:g} m, expected 0 (the rear wheel's start); a column map with zero_start moves it"
-    yield say(Code.START_POSITION, message, at=0, column="rear_x_m")
+    message = f"starts at {first:g} m, expected 0 (the rear wheel's start)"
+    point = ahead_of_origin(run)
+    if point is None:
+        remedy = "pass --start first-row to count x and time from the first row, or --start SECONDS to count from there"
+        yield say(Code.START_POSITION, f"{message}; {remedy}", at=0, column="rear_x_m")
+    else:
+        where, reference = point
+        remedy = f"that is {where} ahead: if the positions are that point's, pass --reference {reference}"
+        otherwise = "if they are the rear wheel's, --start first-row counts from its start"
+        yield run.reject(Code.REFERENCE, f"{message}; {remedy}; {otherwise}", at=0, column="rear_x_m")
 
 
 def fastest_m_s(passport: Passport, slope_deg: float | Array, time_s: Array) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from service.datasets.checks.candidate import Candidate
+from service.datasets.checks.recording import moves_at_start, settled_until
 from service.datasets.columns import BY_NAME
 from service.datasets.findings import MAX_LOCATED, Code, Finding
 
@@ -53,11 +54,21 @@ def start(run: Candidate) -> Iterator[Finding]:
     """Time starts at zero, or one step later: Chrono programs may write after the first step."""
     first, step = float(run.time_s[0]), float(np.median(np.diff(run.time_s)))
     if first > 1.5 * step:
+        shown = "0" if not run.shift_s else f"{run.shift_s:g} s, as was said,"
         message = (
-            f"starts at {first:g} s, expected 0 (the moment when wheels are released and motors switched on); "
-            "a column map with zero_start moves it"
+            f"starts at {first + run.shift_s:g} s, expected {shown} (the moment when wheels are released and motors "
+            f"switched on); {_start_remedy(run)}"
         )
         yield run.reject(Code.START_TIME, message, at=0, column="time_s")
+
+
+def _start_remedy(run: Candidate) -> str:
+    if settled_until(run) is None and moves_at_start(run) is None:
+        return (
+            "if that was in the first row, where the rover still rests, pass --start first-row (time and x are counted "
+            "from there); else its time, --start SECONDS"
+        )
+    return "pass the time of that moment, --start SECONDS"
 
 
 def horizon(run: Candidate) -> Iterator[Finding]:

@@ -6,7 +6,8 @@ import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from service.datasets.checks import motion, times, values
+from service.datasets.alignment import Frame, Reference
+from service.datasets.checks import motion, recording, times, values
 from service.datasets.checks.candidate import Candidate
 from service.datasets.digest import content_digest, stored_integers
 from service.datasets.findings import Code, Finding, reject, warn
@@ -21,9 +22,10 @@ Check = Callable[[Candidate], Iterator[Finding]]
 # Each stage relies on the ones before: differences of nan or of unordered times say nothing.
 _STAGES: tuple[tuple[Check, ...], ...] = (
     (values.finite, values.told, times.rows),
-    (values.units,),
+    (recording.frame,),
+    (values.units, recording.reference),
     (values.ranges, values.brake, values.agreement, times.increasing),
-    (times.start, times.horizon, times.step, times.varying, times.gaps),
+    (times.start, times.horizon, times.step, times.varying, times.gaps, recording.start),
     (motion.origin, motion.jumps, motion.speed, motion.wheel_band),
 )
 
@@ -35,16 +37,27 @@ def check_run(candidate: Candidate) -> list[Finding]:
     findings: list[Finding] = []
     for index, stage in enumerate(_STAGES):
         findings += [finding for check in stage for finding in check(candidate)]
-        if index < 3 and any(finding.rejects for finding in findings):
+        if index < 4 and any(finding.rejects for finding in findings):
             break
     return findings
 
 
 def check_passport(passport: Passport) -> Iterator[Finding]:
-    """The frame is the slope frame, as far as its description tells."""
-    if "slope" not in passport.frame.lower():
-        message = f"frame is {passport.frame[:80]!r}, expected a slope frame (x along the slope, y normal to it)"
+    """The frame is the slope frame and the point the rear wheel, as far as their descriptions tell."""
+    frame, body = passport.frame.lower(), passport.reference_body.lower()
+    if "slope" not in frame:
+        message = (
+            f"frame is {passport.frame[:80]!r}, expected a slope frame (x along the slope, y normal to it); if x is "
+            f"horizontal and the height vertical, pass --frame {Frame.WORLD}"
+        )
         yield warn(PASSPORT_FILE, Code.FRAME, message)
+    if "rear" not in body and "back" not in body:
+        wanted = Reference.FRONT_WHEEL if "front" in body else Reference.CHASSIS
+        message = (
+            f"reference_body is {passport.reference_body[:80]!r}, expected the rear wheel's centre; if rear_x_m and "
+            f"rear_y_m hold another point's positions, say so: --reference {wanted}"
+        )
+        yield warn(PASSPORT_FILE, Code.REFERENCE, message, column="reference_body")
 
 
 def check_entries(entries: Sequence[RunEntry]) -> Iterator[Finding]:

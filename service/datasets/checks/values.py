@@ -11,7 +11,13 @@ from service.datasets.columns import BY_NAME
 from service.datasets.findings import Code, Finding
 from service.datasets.run_table import FILE as RUN_TABLE
 
-_OTHERWISE = {"torque_nm": "locked wheels are a column brake with 1, and motors that are off have 0"}
+_OTHERWISE = {
+    "torque_nm": "locked wheels are a column brake with 1, and motors that are off have 0",
+    "time_s": "--start 0 leaves out rows before 0 s, if motors were switched on then; --start first-row counts from "
+    "the first row; or another unit or another column?",
+    "rear_x_m": "another unit or another column? another origin: --start first-row counts from the first row",
+    "rear_y_m": "another unit or another column? heights of a world frame: --frame world",
+}
 _LENGTH_UNITS = {"millimetres": 1000.0, "centimetres": 100.0}
 
 

@@ -47,6 +47,8 @@ class ColumnMap:
         return cls(sources, zero_start=bool(sources.pop("zero_start", False)))
 
 
+_OF_FRONT = ("front_x_m", "front_y_m")
+
 PRESETS: dict[str, ColumnMap] = {
     # runs of this project: canonical names in the header
     "rover-twin": ColumnMap({name: name for name in REQUIRED}),
@@ -75,12 +77,14 @@ def resolve(
     *,
     file: str = "file",
     labels: Collection[str] = (),
+    front: bool = False,
 ) -> Resolution:
     """Find the canonical columns, and those of `labels` that are there, among `names` (None: no header, "": no name)
     of a file with `count` columns.
 
-    An explicit map wins; then names without doubt; then the header of a known demo. Raises UnusableFileError when a
-    required column is not found, a mapped one does not exist, or two columns mean the same.
+    An explicit map wins; then names without doubt; then the header of a known demo. With `front` the columns of the
+    front wheel stand for those of the rear one, where only they are there. Raises UnusableFileError when a required
+    column is not found, a mapped one does not exist, or two columns mean the same.
     """
     named = _by_name(names, labels)
     seen = None if column_map or all(name in named for name in REQUIRED) else preset_of(names or ())
@@ -99,9 +103,12 @@ def resolve(
     if clashes:
         raise UnusableFileError(clashes)
     indices = {name: several[0] for name, several in named.items()} | mapped
+    if front and not {"rear_x_m", "rear_y_m"} & set(indices) and {"front_x_m", "front_y_m"} <= set(indices):
+        indices = {name.replace("front_", "rear_") if name in _OF_FRONT else name: at for name, at in indices.items()}
     missing = [name for name in REQUIRED if name not in indices]
     if missing:
-        raise UnusableFileError([_missing(name, names, count, file) for name in missing])
+        faults = [_missing(name, names, count, file) for name in missing]
+        raise UnusableFileError([*faults, *_only_front(indices, missing, file)])
     findings: list[Finding] = []
     if demo is not None and chosen is not None:
         how = f"the header is that of the preset {seen}" if seen else f"read by the preset {chosen.preset}"
@@ -163,6 +170,17 @@ def _locate(source: str | int, names: Sequence[str] | None, count: int, name: st
     if len(found) > 1 and names:
         raise UnusableFileError([_clash(name, [names[index] for index in found], file)])
     return found[0]
+
+
+def _only_front(indices: Collection[str], missing: Collection[str], file: str) -> list[Finding]:
+    """A word where the front wheel is there and the rear one is not."""
+    if not set(_OF_FRONT) <= set(indices) or "time_s" in missing:
+        return []
+    message = (
+        "only the front wheel is recorded: pass --reference front-wheel to have the rear wheel taken one wheelbase "
+        "behind it"
+    )
+    return [reject(file, Code.REFERENCE, message, column="front_x_m")]
 
 
 def _missing(name: str, names: Sequence[str] | None, count: int, file: str, wanted: str | None = None) -> Finding:

@@ -7,7 +7,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path, PurePosixPath
 
-from service.datasets.checks.validate import check_entries, check_passport
+from service.datasets.alignment import NOTHING_SAID, Alignment
+from service.datasets.checks.validate import check_entries
 from service.datasets.default_passport import VIPER_ON_LUNAR_REGOLITH
 from service.datasets.file_names import is_of_desktop
 from service.datasets.findings import MAX_LOCATED, Code, Finding, UnusableFileError, reject, warn
@@ -38,18 +39,20 @@ def read_folder(
     sets: Collection[str] | None = None,
     strict: bool = False,
     column_map: ColumnMap | str | Mapping[str, str | int] | None = None,
+    said: Alignment = NOTHING_SAID,
     name: str | None = None,
     max_file_bytes: int = DEFAULT_MAX_BYTES,
     progress: Progress | None = None,
 ) -> tuple[Dataset, ValidationReport]:
     """Read and validate. A bad run is rejected with its reasons; the others are accepted.
 
-    `column_map` (or the passport's own) says which column is which where headers do not. Raises DatasetError
-    when passport or runs.csv cannot be used, RejectedDatasetError (with the report) when no run is usable or,
-    with `strict`, when any is not; InvalidValueError for a set that runs.csv does not have.
+    `column_map` (or the passport's own) says which column is which where headers do not, and `said` (or the passport's
+    `alignment`) how the runs were recorded. Raises DatasetError when passport or runs.csv cannot be used,
+    RejectedDatasetError (with the report) when no run is usable or, with `strict`, when any is not; InvalidValueError
+    for a set that runs.csv does not have.
     """
     root = Path(folder)
-    intake, offered = _taken(root, sets, column_map, max_file_bytes, progress, keep=True)
+    intake, offered = _taken(root, sets, column_map, said, max_file_bytes, progress, keep=True)
     return intake.conclude(name or root.resolve().name, offered, strict=strict)
 
 
@@ -59,11 +62,12 @@ def validate_folder(
     sets: Collection[str] | None = None,
     strict: bool = False,
     column_map: ColumnMap | str | Mapping[str, str | int] | None = None,
+    said: Alignment = NOTHING_SAID,
     max_file_bytes: int = DEFAULT_MAX_BYTES,
     progress: Progress | None = None,
 ) -> ValidationReport:
     """The report of `read_folder` without the dataset: memory is that of the largest file. Raises as it does."""
-    intake, offered = _taken(Path(folder), sets, column_map, max_file_bytes, progress, keep=False)
+    intake, offered = _taken(Path(folder), sets, column_map, said, max_file_bytes, progress, keep=False)
     return intake.report(offered, strict=strict)
 
 
@@ -71,13 +75,14 @@ def _taken(
     root: Path,
     sets: Collection[str] | None,
     column_map: ColumnMap | str | Mapping[str, str | int] | None,
+    said: Alignment,
     max_file_bytes: int,
     progress: Progress | None,
     *,
     keep: bool,
 ) -> tuple[Intake, list[str]]:
     passport, noticed = passport_of(_read_small(root / PASSPORT_FILE, PASSPORT_MAX_BYTES, needed=False))
-    intake = Intake(passport, keep=keep)
+    intake = Intake(passport, said=said, keep=keep)
     intake.findings += noticed
     offered = take_listed(
         intake,
@@ -123,14 +128,14 @@ def take_listed(
     every, commented = _without_comments(table[0], reader)
     entries = _chosen(every, sets)
     unlisted = unlisted_in(root, [entry.file for entry in table[0]])
-    found = [*table[1], *commented, *check_passport(passport), *check_entries(entries), *unlisted]
+    found = [*table[1], *commented, *check_entries(entries), *unlisted]
     intake.findings += found
     names = _names(every)
     chosen = _unbarred(entries, found)
     for done, entry in enumerate(chosen):
         if progress is not None:
             progress(done, len(chosen), entry.file)
-        intake.take(entry, names[entry.file], partial(reader.run, entry.file, passport, column_map))
+        intake.take(entry, names[entry.file], partial(reader.run, entry.file, passport, column_map, intake.said))
     return [entry.file for entry in entries]
 
 
@@ -146,9 +151,9 @@ class _FileReader:
         """Whether there is such a file."""
         return file in self._composed or (self._root / file).is_file()
 
-    def run(self, file: str, passport: Passport, column_map: ColumnMap | None) -> Samples:
+    def run(self, file: str, passport: Passport, column_map: ColumnMap | None, said: Alignment) -> Samples:
         """The one run of a file. Raises UnusableFileError."""
-        return run_in(self._read(file), passport, column_map)
+        return run_in(self._read(file), passport, column_map, said)
 
     def _read(self, file: str) -> TextTable:
         left = self._bytes_left

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from service.datasets.alignment import FIRST_ROW, NOTHING_SAID, Alignment
 from service.datasets.checks.labels import check_labels
 from service.datasets.checks.validate import check_entries
 from service.datasets.columns import meaning_of
@@ -57,14 +58,15 @@ def is_long(names: Sequence[str] | None) -> bool:
     return any(meaning_of(name) in (*REQUIRED_LABELS, "run") for name in names or ())
 
 
-def read_long(table: Table, column_map: ColumnMap | None) -> LongTable:
+def read_long(table: Table, column_map: ColumnMap | None, said: Alignment = NOTHING_SAID) -> LongTable:
     """Labels and the columns that runs have. A label without any value is as if absent, with a warning.
 
     Raises UnusableFileError for columns that are missing, twice there or hold something else, and for cells without a
     value in time or in `run`.
     """
     file = table.file
-    found = resolve(table.names, table.width, column_map, file=file, labels=(*TEXT_LABELS, *NUMBER_LABELS))
+    every = (*TEXT_LABELS, *NUMBER_LABELS)
+    found = resolve(table.names, table.width, column_map, file=file, labels=every, front=said.is_of_front)
     named = {name: index for name, index in found.indices.items() if name not in TEXT_LABELS}
     columns = dict(zip(named, table.numbers(list(named.values())), strict=True))
     numbers = {name: columns.pop(name) for name in NUMBER_LABELS if name in columns}
@@ -81,8 +83,9 @@ def read_long(table: Table, column_map: ColumnMap | None) -> LongTable:
         raise UnusableFileError(gaps)
     numbers = {name: label for name, label in numbers.items() if name not in empty}
     noticed = (*table.noticed, *found.findings, *findings)
+    zero_start = said.start == FIRST_ROW or (said.start is None and found.zero_start)
     checked = numbers_if_any(table, found.checked)
-    return LongTable(file, columns, numbers, texts, table.lines, found.zero_start, noticed, found.preset, checked)
+    return LongTable(file, columns, numbers, texts, table.lines, zero_start, noticed, found.preset, checked)
 
 
 def take_runs(intake: Intake, long: LongTable, *, given: Mapping[str, float], set_name: str) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -91,15 +91,19 @@ def numbers_if_any(table: Table, places: Mapping[str | int, int]) -> dict[str | 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """The rows of one run: canonical columns (row,), the line of each row, and what was noticed."""
+    """The rows of one run: canonical columns (row,), the line of each row, and what was noticed.
+
+    With `zero_start` time and x are to be counted from the first row, unless something else is said of the start.
+    """
 
     columns: Mapping[str, Array]
     lines: Lines
     findings: Sequence[Finding] = ()
+    zero_start: bool = False
 
 
 def samples_of(columns: Mapping[str, Numbers], lines: Lines, *, file: str, zero_start: bool = False) -> Samples:
-    """The columns of one run by canonical name; with `zero_start` time and x are counted from its first row.
+    """The columns of one run by canonical name.
 
     A column that is not needed and has no value in the whole run is as if it were absent, with a warning. Raises
     UnusableFileError for any other cell without a value.
@@ -115,7 +119,7 @@ def samples_of(columns: Mapping[str, Numbers], lines: Lines, *, file: str, zero_
     gaps = [gap for name in kept for gap in gaps_in(columns[name].blank, lines, file=file, column=name)]
     if gaps:
         raise UnusableFileError(gaps[:MAX_LOCATED])
-    return Samples(_from_zero(kept) if zero_start else kept, lines, findings)
+    return Samples(kept, lines, findings, zero_start)
 
 
 def gaps_in(blank: npt.NDArray[np.bool_] | None, lines: Lines, *, file: str, column: str) -> Iterator[Finding]:
@@ -123,10 +127,3 @@ def gaps_in(blank: npt.NDArray[np.bool_] | None, lines: Lines, *, file: str, col
     if blank is not None:
         for at in np.flatnonzero(blank)[:MAX_LOCATED].tolist():
             yield reject(file, Code.EMPTY_CELL, "no value in this cell", row=int(lines[at]), column=column)
-
-
-def _from_zero(columns: dict[str, Array]) -> dict[str, Array]:
-    """Time and x counted from the first row. (A first row that is nan is left to validation.)"""
-    shift: dict[str, Any] = {"time_s": columns["time_s"][0], "rear_x_m": columns["rear_x_m"][0]}
-    shift["front_x_m"] = shift["rear_x_m"]
-    return {name: column - shift[name] if name in shift else column for name, column in columns.items()}

@@ -15,7 +15,8 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from service.datasets.checks.validate import check_entries, check_passport
+from service.datasets.alignment import NOTHING_SAID
+from service.datasets.checks.validate import check_entries
 from service.datasets.columns import canonical_name
 from service.datasets.file_names import upload_name
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
@@ -39,6 +40,8 @@ from service.datasets.uploads.only_table import only_table
 from service.datasets.uploads.unpacking import Meter, unpack_stream
 from service.datasets.uploads.upload_form import UploadForm, UploadLimits
 from service.errors import NO_ROOM, DatasetError, InvalidValueError, StorageFullError
+
+_OF_FILES = ("frame", "reference", "start")
 
 
 def read_upload(
@@ -157,7 +160,7 @@ class _UploadReader:
         elsewhere = [each for each in unlisted_in(root, [], folder.relative_to(root).as_posix())
                      if not (root / each.file).is_relative_to(folder) and root / each.file != stored]  # fmt: skip
         unused = self._unused((*SCENARIO_LIMITS, "set_name"), f"{RUN_TABLE} and its files say it")
-        intake = Intake(passport, max_rows=self.limits.rows)
+        intake = Intake(passport, said=self.form.said(), max_rows=self.limits.rows)
         intake.findings += [*noticed, *told, *of_map, *unused, *elsewhere]
         offered = take_listed(
             intake,
@@ -184,14 +187,17 @@ class _UploadReader:
             passport, told = self._passport(dataset.passport.canonical_json().encode())
         elif stored is not None:
             told = [warn(PASSPORT_FILE, Code.PASSPORT, f"the passport within {file} is used, not this one")]
+        if passport.alignment is not None:
+            told.append(warn(PASSPORT_FILE, Code.IGNORED_FIELD, f"not used: {file} is aligned", column="alignment"))
+            passport = passport.of_aligned(NOTHING_SAID)
         intake = Intake(passport, max_rows=self.limits.rows)
         entries = [(_entry_of(run, file), run) for run in dataset.runs]
         between = list(check_entries([entry for entry, _ in entries]))
-        unused = self._unused((*SCENARIO_LIMITS, "set_name", "column_map"), "the file says it")
+        unused = self._unused((*SCENARIO_LIMITS, *_OF_FILES, "set_name", "column_map"), "the file says it")
         unknown = unknown_columns(str(path))
         if unknown:
             unused.append(warn(file, Code.IGNORED_COLUMN, f"not used: {', '.join(map(repr, unknown[:12]))}"))
-        intake.findings += [*noticed, *told, *unused, *check_passport(passport), *between, *_scenario_faults(entries)]
+        intake.findings += [*noticed, *told, *unused, *between, *_scenario_faults(entries)]
         barred = {finding.file for finding in intake.findings if finding.rejects}
         for entry, run in entries:
             if entry.file not in barred and RUN_TABLE not in barred:
@@ -205,18 +211,19 @@ class _UploadReader:
         """A table of many runs, or of one whose scenario the form tells."""
         passport, told = self._passport(stored)
         mapping, of_map = self._column_map(passport)
-        intake = Intake(passport, max_rows=self.limits.rows)
-        intake.findings += [*noticed, *told, *of_map, *check_passport(passport)]
+        intake = Intake(passport, said=self.form.said(), max_rows=self.limits.rows)
+        intake.findings += [*noticed, *told, *of_map]
         given = self.form.scenario()
         if is_long(table.names):
-            long = read_long(table, mapping)
+            long = read_long(table, mapping, intake.said)
             said = [*long.numbers, *(["set_name"] if "set" in long.texts else [])]
             intake.findings += [*long.noticed, *self._unused(said, "the table has such a column")]
             offered = take_runs(intake, long, given=given, set_name=self.form.set_name)
         else:
             by_rows = {*(mapping.sources if mapping else ()), *map(canonical_name, passport.columns or ())}
             samples, entry = _both(
-                partial(run_in, table, passport, mapping), partial(_only_entry, table.file, given, self.form, by_rows)
+                partial(run_in, table, passport, mapping, intake.said),
+                partial(_only_entry, table.file, given, self.form, by_rows),
             )
             intake.take(entry, _stem(table.file), lambda: samples)
             offered = [table.file]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
 
+from service.datasets.alignment import ALLOWED, Alignment, Frame, Reference
 from service.datasets.readers.column_map import PRESETS
 from service.datasets.run_table import SCENARIO_LIMITS
 
@@ -19,6 +20,12 @@ _SLOPE, _MASS, _TORQUE, _HORIZON = (
         ("horizon_s", "How long the run was meant to last, s; without it, its last time."),
     )
 )
+
+_START = r"^(first-row|-?(\d{1,6}(\.\d*)?|\.\d+)([eE][+-]?\d{1,2})?)$"
+
+
+def _as_text(value: object) -> object:
+    return f"{value!r}" if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 class UploadForm(BaseModel):
@@ -52,10 +59,31 @@ class UploadForm(BaseModel):
     set_name: Annotated[str, StringConstraints(min_length=1, max_length=200)] = Field(
         default="default", description="Set of the runs that name none."
     )
+    frame: Frame | None = Field(
+        default=None,
+        description="Frame of the positions: slope (x along the slope, y normal to it), world (x horizontal, height "
+        "vertical), slope-downhill or world-downhill (x grows downhill).",
+        json_schema_extra={"x-allowed": ALLOWED["frame"]},
+    )
+    reference: Reference | None = Field(
+        default=None,
+        description="Point of the rover whose positions rear_x_m and rear_y_m hold.",
+        json_schema_extra={"x-allowed": ALLOWED["reference"]},
+    )
+    start: Annotated[str, StringConstraints(pattern=_START), BeforeValidator(_as_text)] | None = Field(
+        default=None,
+        description="When the motors were switched on: first-row, or a time stamp of the files, s. Rows before are "
+        "left out; time and x are counted from there.",
+        json_schema_extra={"x-allowed": ALLOWED["start"]},
+    )
     passport: dict[str, Any] | None = Field(
         default=None, description="What was simulated, as passport.json; wins over one in the upload."
     )
     strict: bool = Field(default=False, description="Refuse everything when any run is unusable.")
+
+    def said(self) -> Alignment:
+        """How the runs were recorded, as far as the form says it."""
+        return Alignment.said(frame=self.frame, reference=self.reference, start=self.start)
 
     def scenario(self) -> dict[str, float]:
         """The scenario values that the form has, by name."""

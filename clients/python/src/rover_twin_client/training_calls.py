@@ -37,12 +37,19 @@ def upload_fields(
     horizon_s: float | None,
     set_name: str | None,
     column_map: str | Mapping[str, object] | None,
+    frame: str | None,
+    reference: str | None,
+    start: str | float | None,
     passport: Mapping[str, object] | None,
     strict: bool,
     dry_run: bool,
 ) -> dict[str, str]:
     """The fields of the form beside the file. The service has a default for every None."""
-    fields: dict[str, str] = said(name=name, description=description, set_name=set_name)
+    fields: dict[str, str] = said(
+        name=name, description=description, set_name=set_name, frame=frame, reference=reference
+    )
+    if start is not None:
+        fields["start"] = start if isinstance(start, str) else repr(finite("start", start))
     numbers = said(slope_deg=slope_deg, mass_kg=mass_kg, torque_nm=torque_nm, horizon_s=horizon_s)
     fields |= {field: repr(finite(field, value)) for field, value in numbers.items()}
     if column_map is not None:

@@ -48,6 +48,9 @@ class AsyncTrainingClient(AsyncConnection):
         horizon_s: float | None = None,
         set_name: str | None = None,
         column_map: str | Mapping[str, object] | None = None,
+        frame: str | None = None,
+        reference: str | None = None,
+        start: str | float | None = None,
         passport: Mapping[str, object] | None = None,
         strict: bool = False,
         dry_run: bool = False,
@@ -58,8 +61,10 @@ class AsyncTrainingClient(AsyncConnection):
         `file` is a path or an open binary file. An open file is sent from its beginning. The client never holds a
         whole file in memory. `slope_deg`, `mass_kg`, `torque_nm` (motor stall torque per wheel) and `horizon_s` fill in
         what the files do not say. `column_map` is the name of a preset, or a mapping that says which column is which.
-        `dry_run` checks the file and stores nothing. `strict` refuses the whole upload when one run is unusable. The
-        same content is always the same dataset, so an upload may be repeated.
+        `frame` (slope, world, slope-downhill, world-downhill), `reference` (rear-wheel, front-wheel, chassis) and
+        `start` (first-row, or a time in seconds) say how the runs were recorded. `dry_run` checks the file and stores
+        nothing. `strict` refuses the whole upload when one run is unusable. The same content is always the same
+        dataset, so an upload may be repeated.
 
         Raises DatasetRejectedError with a report, InvalidInputError for a field, and what every call raises.
         """
@@ -72,6 +77,9 @@ class AsyncTrainingClient(AsyncConnection):
             horizon_s=horizon_s,
             set_name=set_name,
             column_map=column_map,
+            frame=frame,
+            reference=reference,
+            start=start,
             passport=passport,
             strict=strict,
             dry_run=dry_run,
