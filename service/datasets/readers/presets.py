@@ -67,7 +67,7 @@ _RATES_BY_INDEX: tuple[Rate, ...] = ((1, 4), (2, 5), (3, 6))
 _ACCELERATIONS: tuple[Rate, ...] = tuple(zip(_VELOCITY, _ACCELERATION, strict=True))
 
 _SET_SPIN = "the wheel is turned at a set speed in this demo, not by a torque"
-_CHASSIS = "the chassis, not the centre of a rear wheel"
+_CHASSIS = "the chassis, not the centre of a rear wheel (for a rover: --reference chassis)"
 
 DEMOS: dict[str, Demo] = {
     "chrono-viper-slope": Demo(
