@@ -39,7 +39,7 @@ WHEELS_STILL_S = 0.2
 
 THEN_MOVES_M = 0.02
 START_WINDOW_S = 0.02
-START_SPEED_M_S = 0.08
+START_SPEED_M_S = 0.15
 SURELY_M_S = 0.25
 """Against gravity, above what a released rover may have by chance, and above what any may have."""
 START_SPIN_RAD_S = 0.1
