@@ -147,13 +147,13 @@ def test_a_run_that_begins_under_way_is_refused_whatever_is_said_of_its_start(co
 
 
 def test_a_slow_beginning_under_way_is_told_by_positions_and_refused_by_wheels(tmp_path):
-    run = RUNS["steep"]
+    run = real(24.0)
     for columns, is_sure in ((PLAIN, False), (ALL, True)):
-        sent = plain_file(run, cut(run_columns(run, columns, STEP), 8.0))
+        sent = plain_file(run, cut(run_columns(run, columns, STEP), 3.0))
         if is_sure:
-            assert "moving-start" in refused(tmp_path, sent, start="8")
+            assert "moving-start" in refused(tmp_path, sent, start=str(3.0))
         else:
-            assert "moving-start" in {str(f.code) for f in read(tmp_path, sent, start="8")[1].findings}
+            assert "moving-start" in {str(f.code) for f in read(tmp_path, sent, start=str(3.0))[1].findings}
 
 
 @pytest.mark.parametrize(("point", "change", "within_m"), [
