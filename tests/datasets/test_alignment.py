@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from service.datasets import RejectedDatasetError, dataset_id, read_folder
-from service.datasets.alignment import Alignment
+from service.datasets.alignment import Alignment, Frame, Reference
 from service.datasets.checks.candidate import Candidate
 from service.datasets.checks.validate import check_run
 from service.datasets.default_passport import VIPER_ON_LUNAR_REGOLITH
@@ -137,13 +137,23 @@ def test_a_settling_time_is_named_to_the_row_without_wheel_speeds_too(tmp_path):
 @pytest.mark.parametrize("columns", [PLAIN, ALL], ids=["positions", "all columns"])
 def test_a_run_that_begins_under_way_is_refused_whatever_is_said_of_its_start(columns, tmp_path):
     run = real(20.0)
-    moving = cut(run_columns(run, columns, STEP), 3.0)
+    moving = cut(run_columns(run, columns, STEP), 5.0)
     assert {"start-time", "moving-start"} <= set(refused(tmp_path, plain_file(run, moving)))
     assert "first-row" not in refused(tmp_path, plain_file(run, moving))["start-time"]
-    for start in ("first-row", "3", "4.5"):
+    for start in ("first-row", "5", "5.5"):
         assert set(refused(tmp_path, plain_file(run, moving), start=start)) == {"moving-start"}
-    hidden = elsewhere(later(moving, -3.0), -float(moving["rear_x_m"][0]))
+    hidden = elsewhere(later(moving, -5.0), -float(moving["rear_x_m"][0]))
     assert set(refused(tmp_path, plain_file(run, hidden))) == {"moving-start"}
+
+
+def test_a_slow_beginning_under_way_is_told_by_positions_and_refused_by_wheels(tmp_path):
+    run = real(24.0)
+    for columns, is_sure in ((PLAIN, False), (ALL, True)):
+        sent = plain_file(run, cut(run_columns(run, columns, STEP), 3.0))
+        if is_sure:
+            assert "moving-start" in refused(tmp_path, sent, start=str(3.0))
+        else:
+            assert "moving-start" in {str(f.code) for f in read(tmp_path, sent, start=str(3.0))[1].findings}
 
 
 @pytest.mark.parametrize(("point", "change", "within_m"), [
@@ -296,3 +306,8 @@ class TestSaidByPassport:
 def test_other_words_are_refused_with_those_that_are_allowed(field, value):
     with pytest.raises(InvalidValueError, match="allowed is"):
         Alignment.said(**{field: value})
+
+
+def test_the_form_knows_the_same_words():
+    for field, words in (("frame", Frame), ("reference", Reference)):
+        assert {UploadForm(**{field: each}).said().words()[field] for each in words} == set(words)

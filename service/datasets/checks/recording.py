@@ -39,7 +39,9 @@ WHEELS_STILL_S = 0.2
 
 THEN_MOVES_M = 0.02
 START_WINDOW_S = 0.02
-START_SPEED_M_S = 0.08
+START_SPEED_M_S = 0.15
+SURELY_M_S = 0.25
+"""Against gravity, above what a released rover may have by chance, and above what any may have."""
 START_SPIN_RAD_S = 0.1
 SPIN_UP_RAD_S2 = 400.0
 """Torque of a wheel (100 N m) over its inertia (0.25 kg m2)."""
@@ -205,11 +207,12 @@ def start(run: Candidate) -> Iterator[Finding]:
         yield _say(run, explicit)(Code.SETTLING, message, at=int(np.searchsorted(run.time_s, until)), column="time_s")
     moving = moves_at_start(run)
     if moving is not None:
+        what, is_sure = moving
         message = (
-            f"{moving}: a run begins at rest, when the motors are switched on, and nothing can be learned from "
+            f"{what}: a run begins at rest, when the motors are switched on, and nothing can be learned from "
             "one whose beginning is cut off; add the rows before, and pass --start with the time of that moment"
         )
-        yield run.reject(Code.MOVING_START, message, at=0, column="rear_x_m")
+        yield _say(run, not is_sure)(Code.MOVING_START, message, at=0, column="rear_x_m")
 
 
 def settled_until(run: Candidate) -> tuple[float, str] | None:
@@ -249,21 +252,26 @@ def _knee(departs: Array, stands: int, settled: float) -> int:
     return int(near[-1]) if len(near) else stands
 
 
-def moves_at_start(run: Candidate) -> str | None:
-    """What shows that the rover was under way already, or None."""
+def moves_at_start(run: Candidate) -> tuple[str, bool] | None:
+    """What shows that the rover was under way already, and whether that is sure; None where nothing does."""
     # the first row may be that after the first step
     late = max(0.0, float(run.time_s[0]))
     late = late if late <= 1.5 * float(np.median(np.diff(run.time_s))) else 0.0
     for name in ("rear_omega_radps", "front_omega_radps"):
         if name in run.columns and abs(spin := float(run.columns[name][0])) > START_SPIN_RAD_S + SPIN_UP_RAD_S2 * late:
-            return f"{name} is {spin:.3g} rad/s in the first row"
+            return f"{name} is {spin:.3g} rad/s in the first row", True
     pull = -float(np.sin(np.radians(run.acting("slope_deg")[0])))
     speeds = _start_speeds(run)
-    for speed, window in speeds:
-        allowed = SLIDES_M_S if speed * pull > 0 else START_SPEED_M_S
-        if abs(speed) <= allowed + run.passport.gravity_m_s2 * (late + window):
-            return None
-    return f"moves at {speeds[0][0]:.3g} m/s in the first row"
+
+    def all_above(against_m_s: float) -> bool:
+        return all(
+            abs(speed) > (SLIDES_M_S if speed * pull > 0 else against_m_s) + run.passport.gravity_m_s2 * (late + window)
+            for speed, window in speeds
+        )
+
+    if not all_above(START_SPEED_M_S):
+        return None
+    return f"moves at {speeds[0][0]:.3g} m/s in the first row", all_above(SURELY_M_S)
 
 
 def _start_speeds(run: Candidate) -> list[tuple[float, float]]:

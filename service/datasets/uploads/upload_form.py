@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
 
-from service.datasets.alignment import ALLOWED, Alignment, Frame, Reference
+from service.datasets.alignment import ALLOWED, Alignment
 from service.datasets.readers.column_map import PRESETS
 from service.datasets.run_table import SCENARIO_LIMITS
 
@@ -59,13 +59,13 @@ class UploadForm(BaseModel):
     set_name: Annotated[str, StringConstraints(min_length=1, max_length=200)] = Field(
         default="default", description="Set of the runs that name none."
     )
-    frame: Frame | None = Field(
+    frame: Literal["slope", "slope-downhill", "world", "world-downhill"] | None = Field(
         default=None,
         description="Frame of the positions: slope (x along the slope, y normal to it), world (x horizontal, height "
         "vertical), slope-downhill or world-downhill (x grows downhill).",
         json_schema_extra={"x-allowed": ALLOWED["frame"]},
     )
-    reference: Reference | None = Field(
+    reference: Literal["rear-wheel", "front-wheel", "chassis"] | None = Field(
         default=None,
         description="Point of the rover whose positions rear_x_m and rear_y_m hold.",
         json_schema_extra={"x-allowed": ALLOWED["reference"]},

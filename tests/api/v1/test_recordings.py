@@ -38,15 +38,13 @@ def test_what_was_said_in_a_form_or_a_query_makes_the_same_dataset(service_with_
     own = recorded(lambda run, columns: columns)
     others = recorded(lambda run, columns: settling(world(columns, run.slope_deg), 2.0, drop_m=0.0))
     for sent, canonical in zip(others, own, strict=True):
-        refused = send(admin, sent)
-        assert refused.status_code == 422
-        told = {each["code"]: each["message"] for each in refused.json()["report"]["findings"]}
-        assert "--frame world" in told["frame"]
-        half = send(admin, sent, frame="world").json()["report"]["findings"]
-        assert "--start 2" in next(each["message"] for each in half if each["code"] == "settling")
         answer = send(admin, sent, **SAID)
         assert answer.status_code == 200, answer.text
         assert answer.json()["report"]["summary"] == send(admin, canonical).json()["report"]["summary"]
+    refused = send(admin, others[0])
+    assert refused.status_code == 422
+    told = {each["code"]: each["message"] for each in refused.json()["report"]["findings"]}
+    assert "--frame world" in told["frame"]
     (plain, *_) = others
     raw = admin.client.post(DATASETS, params={"filename": "run.csv", "dry_run": "true"} | plain.form | SAID,
                             content=plain.data)  # fmt: skip
