@@ -38,6 +38,7 @@ _MEANINGS = {
     "(time,) where all scenarios share it, arrays of shape (scenario,), and `metadata`, JSON text.",
     BatchFormat.ARROW: "Arrow IPC stream: one record batch, a row for each scenario and time; the schema's metadata "
     "has the scenarios, their domain, summary and errors as JSON text.",
+    BatchFormat.PARQUET: "Parquet file: the table of Arrow, its metadata in the file's key-value metadata.",
 }
 _RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
@@ -99,7 +100,9 @@ router = APIRouter(prefix=PATH, tags=["predictions"], responses=_RESPONSES, rout
         "requestBody": {"required": True, "content": {"application/json": {"schema": inlined_schema(BatchBody)}}}
     },
 )
-async def post_batch(form: Annotated[BatchFormatQuery, Query()], request: Request, services: TheServices) -> Response:
+async def create_prediction_batch(
+    form: Annotated[BatchFormatQuery, Query()], request: Request, services: TheServices
+) -> Response:
     """Where many rovers go, all with the same step or the same times. A refused scenario does not stop the others."""
     wanted = choose(BATCH_MEDIA_TYPES, form.format, request.headers.get("accept"))
     require_json(request)

@@ -37,6 +37,7 @@ _MEANINGS = {
     "all drives share it, arrays of shape (drive,), and `metadata`, JSON text with the events.",
     BatchFormat.ARROW: "Arrow IPC stream: one record batch, a row for each drive and time; the schema's metadata has "
     "the drives, their domain, summary, events and errors as JSON text.",
+    BatchFormat.PARQUET: "Parquet file: the table of Arrow, its metadata in the file's key-value metadata.",
 }
 _MOST_COLUMNS = 24
 _RESPONSES: dict[int | str, dict[str, Any]] = {
@@ -87,7 +88,9 @@ router = APIRouter(prefix=PATH, tags=["drives"], responses=_RESPONSES, route_cla
         "requestBody": {"required": True, "content": {"application/json": {"schema": inlined_schema(DriveBatchBody)}}}
     },
 )
-async def post_drives(form: Annotated[BatchFormatQuery, Query()], request: Request, services: TheServices) -> Response:
+async def create_drive_batch(
+    form: Annotated[BatchFormatQuery, Query()], request: Request, services: TheServices
+) -> Response:
     """Where many rovers go, all with the same step or the same times. What stands beside `drives` holds for all."""
     wanted = choose(BATCH_MEDIA_TYPES, form.format, request.headers.get("accept"))
     require_json(request)

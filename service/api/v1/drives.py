@@ -31,6 +31,7 @@ _SHORT_TEXT = 1000  # points
 _MEANINGS = {
     Format.NPZ: "NumPy archive: an array for each column, and `metadata`, JSON text.",
     Format.ARROW: "Arrow IPC stream: one record batch; the schema's metadata is JSON text.",
+    Format.PARQUET: "Parquet file: the table of Arrow, its metadata in the file's key-value metadata.",
     Format.USDA: "USD text layer: the rover as time samples of `/Rover`, Z-up, metres, in the world frame.",
     Format.SVG: "Plot of position, speed, slope and torque against time, with the events.",
     Format.PNG: "The plot as pixels.",
@@ -85,7 +86,7 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
 }
 
 
-async def post_drive(
+async def create_drive(
     asked: Annotated[DriveBody, Body()],
     form: Annotated[FormatQuery, Query()],
     request: Request,
@@ -117,7 +118,7 @@ def _simple(question: DriveQuestion) -> bool:
 router = APIRouter(prefix=PATH, tags=["drives"], responses=RESPONSES)
 router.add_api_route(
     "",
-    post_drive,
+    create_drive,
     methods=["POST"],
     summary="Drive over a track",
     response_class=Response,

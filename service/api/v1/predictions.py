@@ -29,6 +29,7 @@ _COMPRESSED_AT_ONCE = 250  # points: 10 kB of text take gzip a third of a millis
 _MEANINGS = {
     Format.NPZ: "NumPy archive: a float64 array for each column, and `metadata`, JSON text.",
     Format.ARROW: "Arrow IPC stream: one record batch, a float64 column each; the schema's metadata is JSON text.",
+    Format.PARQUET: "Parquet file: a float64 column each; the file's metadata is JSON text, as Arrow's.",
     Format.USDA: "USD text layer: the rover as time samples of `/Rover`, Z-up, metres.",
     Format.SVG: "Plot of the position against time.",
     Format.PNG: "The plot as pixels.",
@@ -85,7 +86,7 @@ async def get_prediction(
     return await _predict(asked, form, request, services)
 
 
-async def post_prediction(
+async def create_prediction(
     asked: Annotated[PredictionBody, Body()],
     form: Annotated[FormatQuery, Query()],
     request: Request,
@@ -136,7 +137,7 @@ router.add_api_route(
 )
 router.add_api_route(
     "",
-    post_prediction,
+    create_prediction,
     methods=["POST"],
     summary="Predict one scenario, asked for in JSON",
     response_class=Response,

@@ -382,7 +382,7 @@ def test_what_concerns_all_drives_is_refused(shipped, field, body):
     refused(ask(shipped, body, f"{PATH}/batch"), field)
 
 
-@pytest.mark.parametrize("form", ["json", "ndjson", "npz", "arrow"])
+@pytest.mark.parametrize("form", ["json", "ndjson", "npz", "arrow", "parquet"])
 def test_every_form_of_a_batch_is_answered(shipped, form):
     answer = ask(shipped, {"drives": [DRIVE, {}]}, f"{PATH}/batch", format=form)
 
