@@ -75,7 +75,7 @@ class StepsQuery(BaseModel):
     ] = None
 
 
-async def post_steps(form: Annotated[StepsQuery, Query()], request: Request, services: TheServices) -> Response:
+async def create_steps(form: Annotated[StepsQuery, Query()], request: Request, services: TheServices) -> Response:
     """Each rover begins (`start`) or goes on from a `state`, for `dt_s` on this slope under this control.
 
     Nothing is kept here: any server that has the version answers the next step. A refused rover does not stop the
@@ -111,7 +111,7 @@ def _answer(question: StepsQuestion, found: Stepped, form: StepsFormat) -> Respo
 router = APIRouter(prefix=PATH, tags=["drives"], responses=_RESPONSES)
 router.add_api_route(
     "",
-    post_steps,
+    create_steps,
     methods=["POST"],
     summary=f"Move up to {MAX_ROVERS:,} rovers on by a step each",
     response_class=Response,

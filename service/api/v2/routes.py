@@ -85,16 +85,16 @@ class ModelStatistics(BaseModel):
 
 
 @router.get("", summary="The server and its extensions")
-async def server_metadata() -> ServerMetadata:
+async def get_server_metadata() -> ServerMetadata:
     """Name, version and which extensions of the protocol there are."""
     return ServerMetadata(name="rover-twin", version=service.__version__, extensions=list(EXTENSIONS))
 
 
-router.add_api_route("/", server_metadata, include_in_schema=False)  # so the protocol's OpenAPI document writes it
+router.add_api_route("/", get_server_metadata, include_in_schema=False)  # so the protocol's OpenAPI document writes it
 
 
 @router.get("/health/live", summary="Is the server alive?")
-async def server_live() -> ServerLive:
+async def get_server_live() -> ServerLive:
     """Answers as long as the event loop runs."""
     return ServerLive(live=True)
 
@@ -104,10 +104,10 @@ async def server_live() -> ServerLive:
     summary="Can the server predict?",
     responses={503: {"model": ServerReady, "description": "Not now; `error` says why."}},
 )
-async def server_ready(services: TheServices, request: Request, response: Response) -> ServerReady:
+async def get_server_ready(services: TheServices, request: Request, response: Response) -> ServerReady:
     """Makes a small prediction with the default model; other models are loaded when they are asked for."""
     try:
-        await health.ready(services, request)
+        await health.get_readiness(services, request)
     except NotReadyError as error:
         response.status_code = 503
         return ServerReady(live=True, ready=False, error=str(error))
@@ -115,43 +115,43 @@ async def server_ready(services: TheServices, request: Request, response: Respon
 
 
 @router.get("/models", summary="Names of the models", responses=failure_responses(503))
-async def model_names(services: TheServices) -> ModelNames:
+async def list_model_names(services: TheServices) -> ModelNames:
     """As KServe lists them."""
     return ModelNames(models=await services.storage.run(services.store.model_names))
 
 
 @router.get("/models/stats", summary="Statistics of all models")
-async def all_statistics(services: TheServices) -> ModelStatistics:
+async def list_statistics(services: TheServices) -> ModelStatistics:
     """Counts and times of all versions that were asked since this process started."""
     return ModelStatistics(model_stats=services.statistics.documents())
 
 
 @router.get("/models/{name}", summary="A model and its tensors", responses=_OF_MODEL)
-async def model_metadata(name: Name, services: TheServices) -> ModelMetadata:
+async def get_model_metadata(name: Name, services: TheServices) -> ModelMetadata:
     """Inputs and outputs with their units and ranges, of the version that answers now."""
     return await _metadata(reference_of(name), services)
 
 
 @router.get("/models/{name}/versions/{version}", summary="A version and its tensors", responses=_OF_MODEL)
-async def version_metadata(name: Name, version: Version, services: TheServices) -> ModelMetadata:
+async def get_version_metadata(name: Name, version: Version, services: TheServices) -> ModelMetadata:
     """Inputs and outputs with their units and ranges."""
     return await _metadata(reference_of(name, version), services)
 
 
 @router.get("/models/{name}/ready", summary="Can a model predict?", responses=_OF_MODEL)
-async def model_ready(name: Name, services: TheServices) -> ModelReady:
+async def get_model_ready(name: Name, services: TheServices) -> ModelReady:
     """Loads the model if it is not in memory."""
     return await _ready(reference_of(name), services)
 
 
 @router.get("/models/{name}/versions/{version}/ready", summary="Can a version predict?", responses=_OF_MODEL)
-async def version_ready(name: Name, version: Version, services: TheServices) -> ModelReady:
+async def get_version_ready(name: Name, version: Version, services: TheServices) -> ModelReady:
     """Loads the version if it is not in memory."""
     return await _ready(reference_of(name, version), services)
 
 
 @router.get("/models/{name}/config", summary="Triton's configuration of a model", responses=_OF_MODEL)
-async def model_configuration(name: Name, services: TheServices) -> dict[str, Any]:
+async def get_model_configuration(name: Name, services: TheServices) -> dict[str, Any]:
     """Made from the model's metadata."""
     return await services.storage.run(lambda: configuration_of(services.store, reference_of(name)))
 
@@ -159,13 +159,13 @@ async def model_configuration(name: Name, services: TheServices) -> dict[str, An
 @router.get(
     "/models/{name}/versions/{version}/config", summary="Triton's configuration of a version", responses=_OF_MODEL
 )
-async def version_configuration(name: Name, version: Version, services: TheServices) -> dict[str, Any]:
+async def get_version_configuration(name: Name, version: Version, services: TheServices) -> dict[str, Any]:
     """Made from the version's metadata."""
     return await services.storage.run(lambda: configuration_of(services.store, reference_of(name, version)))
 
 
 @router.get("/models/{name}/stats", summary="Statistics of a model", responses=_OF_MODEL)
-async def model_statistics(name: Name, services: TheServices) -> ModelStatistics:
+async def get_model_statistics(name: Name, services: TheServices) -> ModelStatistics:
     """Counts and times of its versions that were asked since this process started."""
     reference = reference_of(name)
     await services.storage.run(lambda: services.store.versions(reference))
@@ -173,7 +173,7 @@ async def model_statistics(name: Name, services: TheServices) -> ModelStatistics
 
 
 @router.get("/models/{name}/versions/{version}/stats", summary="Statistics of a version", responses=_OF_MODEL)
-async def version_statistics(name: Name, version: Version, services: TheServices) -> ModelStatistics:
+async def get_version_statistics(name: Name, version: Version, services: TheServices) -> ModelStatistics:
     """Counts and times since this process started."""
     reference = reference_of(name, version)
     resolved = await services.storage.run(lambda: services.store.resolve(reference))
@@ -210,19 +210,19 @@ _INFER: dict[str, Any] = {
 }
 
 
-async def model_infer(name: Name, request: Request, services: TheServices) -> Response:
+async def infer_model(name: Name, request: Request, services: TheServices) -> Response:
     """Tensors of scenarios in, tensors of trajectories out; JSON or binary either way."""
     return await _infer(reference_of(name), request, services)
 
 
-async def version_infer(name: Name, version: Version, request: Request, services: TheServices) -> Response:
+async def infer_version(name: Name, version: Version, request: Request, services: TheServices) -> Response:
     """Tensors of scenarios in, tensors of trajectories out; JSON or binary either way."""
     return await _infer(reference_of(name, version), request, services)
 
 
 for _path, _endpoint, _summary in (
-    ("/models/{name}/infer", model_infer, "Predict many scenarios"),
-    ("/models/{name}/versions/{version}/infer", version_infer, "Predict many scenarios by a version"),
+    ("/models/{name}/infer", infer_model, "Predict many scenarios"),
+    ("/models/{name}/versions/{version}/infer", infer_version, "Predict many scenarios by a version"),
 ):
     router.add_api_route(_path, _endpoint, methods=["POST"], summary=_summary, route_class_override=LaneRoute, **_INFER)
 
@@ -233,7 +233,7 @@ for _path, _endpoint, _summary in (
     openapi_extra=_body(IndexRequest),
     responses=failure_responses(400, 413, 503),
 )
-async def repository_index(request: Request, services: TheServices) -> list[IndexEntry]:
+async def list_repository(request: Request, services: TheServices) -> list[IndexEntry]:
     """One entry for each published version. Why one cannot be loaded is told to those who send a token."""
     asked = _read(IndexRequest, await request.body())
     known = services.access.is_known(request.scope)
