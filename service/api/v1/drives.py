@@ -10,7 +10,7 @@ from service.api.http.compression import Coding
 from service.api.http.delivery import Delivery
 from service.api.http.lanes import LaneRoute
 from service.api.http.negotiation import choose
-from service.api.http.openapi import problem_responses
+from service.api.http.openapi import form_of, problem_responses
 from service.api.http.problems import Slug
 from service.api.services import TheServices
 from service.twin.drives import DriveQuestion
@@ -46,10 +46,7 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
                 "example": "time_s,x_m,y_m,speed_m_s,slope_deg,torque_nm,brake,slip_ratio\n"
                 "0.0,0.0,0.2337,-0.0035,11.07,60.0,0,1.0\n",
             },
-            **{
-                ENCODERS[form].media_type: {"schema": {"type": "string", "description": meaning}}
-                for form, meaning in _MEANINGS.items()
-            },
+            **{ENCODERS[form].media_type: form_of(ENCODERS[form].text, meaning) for form, meaning in _MEANINGS.items()},
         },
         "headers": {
             "Rover-Twin-Model": {

@@ -10,7 +10,7 @@ from service.api.http.compression import Coding
 from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.http.lanes import LaneRoute
 from service.api.http.negotiation import choose
-from service.api.http.openapi import problem_responses
+from service.api.http.openapi import form_of, problem_responses
 from service.api.http.problems import Slug
 from service.api.services import Services, TheServices
 from service.twin import Loaded
@@ -40,10 +40,7 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
         "description": "The trajectory, in the form asked for.",
         "content": {
             "text/csv": {"schema": {"type": "string"}, "example": "time_s,x_m,y_m\n0.0,0.0,0.0\n0.05,0.0001,0.0\n"},
-            **{
-                ENCODERS[form].media_type: {"schema": {"type": "string", "description": meaning}}
-                for form, meaning in _MEANINGS.items()
-            },
+            **{ENCODERS[form].media_type: form_of(ENCODERS[form].text, meaning) for form, meaning in _MEANINGS.items()},
         },
         "headers": {
             "Rover-Twin-Model": {

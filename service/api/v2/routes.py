@@ -14,12 +14,12 @@ from service.api import health
 from service.api.admin import Admin, AdminRoute
 from service.api.http.exceptions import NotReadyError
 from service.api.http.lanes import LaneRoute
-from service.api.http.openapi import inlined_schema
+from service.api.http.openapi import schema_of
 from service.api.http.reading import Route, parsed, validated
 from service.api.services import Services, TheServices
 from service.api.v2.answer import Bounds, Call, InferenceAnswer, answer, read
 from service.api.v2.failures import PREFIX, failure_responses
-from service.api.v2.metadata import ModelMetadata, configuration_of, metadata_of
+from service.api.v2.metadata import ModelConfiguration, ModelMetadata, configuration_of, metadata_of
 from service.api.v2.repository import (
     IndexEntry,
     IndexRequest,
@@ -29,6 +29,7 @@ from service.api.v2.repository import (
     require_loadable,
     unload,
 )
+from service.api.v2.statistics_answer import ModelStatistics
 from service.api.v2.wire import HEADER_LENGTH, InferenceRequest
 
 EXTENSIONS = ("binary_tensor_data", "model_repository", "model_configuration", "parameters", "statistics")
@@ -78,12 +79,6 @@ class ModelNames(BaseModel):
     models: list[str]
 
 
-class ModelStatistics(BaseModel):
-    """Triton's statistics, of this process since its start."""
-
-    model_stats: list[dict[str, Any]]
-
-
 @router.get("", summary="The server and its extensions")
 async def get_server_metadata() -> ServerMetadata:
     """Name, version and which extensions of the protocol there are."""
@@ -123,7 +118,7 @@ async def list_model_names(services: TheServices) -> ModelNames:
 @router.get("/models/stats", summary="Statistics of all models")
 async def list_statistics(services: TheServices) -> ModelStatistics:
     """Counts and times of all versions that were asked since this process started."""
-    return ModelStatistics(model_stats=services.statistics.documents())
+    return ModelStatistics.model_validate({"model_stats": services.statistics.documents()})
 
 
 @router.get("/models/{name}", summary="A model and its tensors", responses=_OF_MODEL)
@@ -151,7 +146,7 @@ async def get_version_ready(name: Name, version: Version, services: TheServices)
 
 
 @router.get("/models/{name}/config", summary="Triton's configuration of a model", responses=_OF_MODEL)
-async def get_model_configuration(name: Name, services: TheServices) -> dict[str, Any]:
+async def get_model_configuration(name: Name, services: TheServices) -> ModelConfiguration:
     """Made from the model's metadata."""
     return await services.storage.run(lambda: configuration_of(services.store, reference_of(name)))
 
@@ -159,7 +154,7 @@ async def get_model_configuration(name: Name, services: TheServices) -> dict[str
 @router.get(
     "/models/{name}/versions/{version}/config", summary="Triton's configuration of a version", responses=_OF_MODEL
 )
-async def get_version_configuration(name: Name, version: Version, services: TheServices) -> dict[str, Any]:
+async def get_version_configuration(name: Name, version: Version, services: TheServices) -> ModelConfiguration:
     """Made from the version's metadata."""
     return await services.storage.run(lambda: configuration_of(services.store, reference_of(name, version)))
 
@@ -169,7 +164,7 @@ async def get_model_statistics(name: Name, services: TheServices) -> ModelStatis
     """Counts and times of its versions that were asked since this process started."""
     reference = reference_of(name)
     await services.storage.run(lambda: services.store.versions(reference))
-    return ModelStatistics(model_stats=services.statistics.documents(name))
+    return ModelStatistics.model_validate({"model_stats": services.statistics.documents(name)})
 
 
 @router.get("/models/{name}/versions/{version}/stats", summary="Statistics of a version", responses=_OF_MODEL)
@@ -177,11 +172,13 @@ async def get_version_statistics(name: Name, version: Version, services: TheServ
     """Counts and times since this process started."""
     reference = reference_of(name, version)
     resolved = await services.storage.run(lambda: services.store.resolve(reference))
-    return ModelStatistics(model_stats=services.statistics.documents(resolved.name, resolved.version))
+    return ModelStatistics.model_validate(
+        {"model_stats": services.statistics.documents(resolved.name, resolved.version)}
+    )
 
 
 def _body(model: type[BaseModel], *, required: bool = False, example: dict[str, Any] | None = None) -> dict[str, Any]:
-    media: dict[str, Any] = {"schema": inlined_schema(model)} | ({"example": example} if example else {})
+    media: dict[str, Any] = {"schema": schema_of(model)} | ({"example": example} if example else {})
     return {"requestBody": {"required": required, "content": {"application/json": media}}}
 
 
