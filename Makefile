@@ -14,7 +14,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 CHRONO ?= ../shared/chrono
 CHRONO_DRIVES ?= ../shared/chrono-drives
 
-.PHONY: run test quick lint types sanitize bench e2e image openapi clients datasets model clean
+.PHONY: other-clients run test quick lint types sanitize bench e2e image openapi clients datasets model clean
 
 run: $(VENV)/.runtime ## the service with the shipped model on http://127.0.0.1:8000
 	@exec $(BIN)/rover-twin serve $(ARGS)
@@ -45,6 +45,9 @@ e2e: $(VENV)/.dev ## clone this checkout, follow its README
 
 image: $(VENV)/.dev ## build and run both container images (needs docker or podman)
 	@$(BIN)/pytest -m image $(ARGS)
+
+other-clients: $(VENV)/.dev ## install clients of other projects (1.6 GB), run the examples of docs/clients.md with them
+	@$(BIN)/python -m tests.other_clients $(ARGS)
 
 openapi: $(VENV)/.dev ## refresh the OpenAPI document that a test compares
 	@$(BIN)/rover-twin openapi > tests/contract/openapi.json

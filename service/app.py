@@ -31,7 +31,7 @@ from service.api.http.limits.answer_bytes import AnswerBytes, WaitingBytes
 from service.api.http.limits.body_limit import BodyLimit
 from service.api.http.limits.pace import Pace
 from service.api.http.limits.worker_threads import WorkerThreads
-from service.api.http.openapi import openapi_of
+from service.api.http.openapi import openapi_of, operation_id
 from service.api.http.request_log import RequestLog
 from service.api.http.request_spans import RequestSpans
 from service.api.http.semantics import Semantics
@@ -193,6 +193,7 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
         redoc_url=None,
         redirect_slashes=False,
         separate_input_output_schemas=False,
+        generate_unique_id_function=operation_id,
     )
     larger = {
         ("POST", datasets.router.prefix): chosen.max_upload_bytes,

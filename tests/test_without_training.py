@@ -76,7 +76,7 @@ def refused(answer: httpx.Response, *libraries: str) -> bool:
     return answer.status_code == 501 and problem["type"] == PROBLEM and told
 
 
-@pytest.mark.parametrize("form", ["json", "csv", "npz", "arrow", "usda"])
+@pytest.mark.parametrize("form", ["json", "csv", "npz", "arrow", "parquet", "usda"])
 def test_predictions_in_every_form_but_pictures(client: httpx.Client, form: str) -> None:
     assert (
         client.get("/v1/predictions", params={**QUESTION, "include": "band,speed", "format": form}).status_code == 200

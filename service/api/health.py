@@ -73,7 +73,7 @@ router = APIRouter(prefix="/health", tags=["health"], route_class=Route)
 
 
 @router.get("/live", summary="Is the process alive?")
-async def live() -> LiveAnswer:
+async def get_liveness() -> LiveAnswer:
     """Answers as long as the event loop runs; restart the process when it does not."""
     return LiveAnswer()
 
@@ -84,7 +84,7 @@ async def live() -> LiveAnswer:
     response_model_exclude_none=True,
     responses=problem_responses(Slug.NOT_READY),
 )
-async def ready(services: TheServices, request: Request) -> ReadyAnswer:
+async def get_readiness(services: TheServices, request: Request) -> ReadyAnswer:
     """Makes a small prediction with the default model, on a thread of its own: busy is not unready."""
     known = services.access.is_known(request.scope)
     if services.lifecycle.draining:

@@ -71,7 +71,7 @@ router = APIRouter(tags=["health"], route_class=Route)
     response_class=Response,
     responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}, **problem_responses()},
 )
-async def metrics(request: Request, services: TheServices) -> Response:
+async def get_metrics(request: Request, services: TheServices) -> Response:
     """Counters since the start, of all processes that share this port. OpenMetrics if the client accepts it."""
     others: list[Collector] = [_Residents(services)]
     if services.jobs is not None and (counts := await _job_counts(services)) is not None:

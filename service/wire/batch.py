@@ -26,7 +26,7 @@ from service.wire.faults import (
     unknown_field,
 )
 from service.wire.points import bounded_grid, require_few_times
-from service.wire.prediction import ALLOWED, PredictionBody, PredictionInputs
+from service.wire.prediction import ALLOWED, HORIZON_S, PredictionBody, PredictionInputs
 
 MAX_SCENARIOS = 1000
 
@@ -50,9 +50,11 @@ class BatchScenario(BaseModel):
     slope_deg: Annotated[float, *_FIELDS["slope_deg"].metadata, Field(description=_FIELDS["slope_deg"].description)]
     mass_kg: Annotated[float, *_FIELDS["mass_kg"].metadata, Field(description=_FIELDS["mass_kg"].description)]
     torque_nm: Annotated[float, *_FIELDS["torque_nm"].metadata, Field(description=_FIELDS["torque_nm"].description)]
-    horizon_s: Annotated[float, *_FIELDS["horizon_s"].metadata, Field(description=_FIELDS["horizon_s"].description)] = (
-        _FIELDS["horizon_s"].default
-    )
+    horizon_s: Annotated[
+        float,
+        *_FIELDS["horizon_s"].metadata,
+        Field(description=_FIELDS["horizon_s"].description, default_factory=lambda: HORIZON_S),
+    ]
 
 
 _scenarios = TypeAdapter(list[BatchScenario])

@@ -23,6 +23,10 @@ from service.wire.points import require_few_times, require_wide_step
 
 _REFERENCE = r"^[a-z0-9][a-z0-9-]{0,62}(@([a-z][a-z0-9-]{0,62}|[1-9][0-9]{0,8}))?$"
 
+# Made by a function, so that the OpenAPI document has no default for them: they hold only where no `times_s` are sent,
+# and generated clients send every default that they read, `dt_s` beside `times_s` too, which is refused.
+HORIZON_S, STEP_S = 10.0, 0.05
+
 _Time = Annotated[float, Field(ge=0, le=LIMITS.horizon_s[1])]
 _TIMES = f"rising times from 0 to {LIMITS.horizon_s[1]:g}, the last one at least {LIMITS.horizon_s[0]:g}"
 
@@ -68,20 +72,23 @@ class PredictionInputs(BaseModel):
         Field(
             ge=LIMITS.horizon_s[0],
             le=LIMITS.horizon_s[1],
-            description="Length of the prediction in seconds, from rest. With `times_s` it is the last of them.",
+            description=f"Length of the prediction in seconds, from rest; {HORIZON_S:g} without it. With `times_s` it "
+            "is the last of them.",
             examples=[10],
+            default_factory=lambda: HORIZON_S,
         ),
-    ] = 10.0
+    ]
     dt_s: Annotated[
         float,
         Field(
             ge=LIMITS.dt_s[0],
             le=LIMITS.dt_s[1],
-            description="Time between two points in seconds. The horizon itself is always the last point. "
-            "A trajectory has at most 100,000 points unless the operator set another limit.",
+            description=f"Time between two points in seconds; {STEP_S:g} without it. The horizon itself is always the "
+            "last point. A trajectory has at most 100,000 points unless the operator set another limit.",
             examples=[0.05],
+            default_factory=lambda: STEP_S,
         ),
-    ] = 0.05
+    ]
     times_s: Annotated[
         list[_Time],
         FailFast(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import socket
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import requests
 import torch
 import uvicorn
 
+import model_store
 from model_store import WEIGHTS, Lineage, ManifestDraft, ModelStore
 from service.api.http.instruments import Instruments
 from service.api.services import Lifecycle
@@ -154,6 +156,16 @@ def banded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
     store = ModelStore.open(str(folder), create=True)
     move_alias(store, publish_banded(store, "viper-lunar").version)
     publish_version(store)
+    with serving(folder) as running:
+        running.wait_ready()
+        yield running
+
+
+@pytest.fixture(scope="session")
+def shipped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
+    """A service over the models that ship; its bodies may have 64 KiB, drives have more."""
+    folder = tmp_path_factory.mktemp("shipped")
+    shutil.copytree(Path(model_store.__file__).parent / "models", folder / "models")
     with serving(folder) as running:
         running.wait_ready()
         yield running

@@ -8,9 +8,10 @@ import json
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 from pxr import Sdf, Usd
 
-DATA_FORMS = ("json", "csv", "npz", "arrow", "usda")
+DATA_FORMS = ("json", "csv", "npz", "arrow", "parquet", "usda")
 
 
 def columns_in(form: str, body: bytes) -> dict[str, np.ndarray]:
@@ -23,8 +24,9 @@ def about_in(form: str, body: bytes) -> dict[str, object]:
     if form == "npz":
         with np.load(io.BytesIO(body)) as archive:
             return json.loads(str(archive["metadata"]))
-    if form == "arrow":
-        metadata = {name.decode(): text.decode() for name, text in _arrow(body).schema.metadata.items()}
+    if form in ("arrow", "parquet"):
+        schema = (_arrow(body) if form == "arrow" else _parquet(body)).schema
+        metadata = {name.decode(): text.decode() for name, text in schema.metadata.items()}
         return {name: text if name == "frame" else json.loads(text) for name, text in metadata.items()}
     return json.loads(stage_of(body).GetRootLayer().customLayerData["roverTwin"]["metadata"])
 
@@ -57,8 +59,19 @@ def _arrow(body):
         return stream.read_all()
 
 
+def _parquet(body):
+    return pq.read_table(io.BytesIO(body))
+
+
 def _arrow_columns(body):
-    table = _arrow(body)
+    return _whole_columns(_arrow(body))
+
+
+def _parquet_columns(body):
+    return _whole_columns(_parquet(body))
+
+
+def _whole_columns(table):
     assert [column.null_count for column in table.columns] == [0] * table.num_columns
     return {name: table[name].to_numpy() for name in table.column_names}
 
@@ -81,4 +94,11 @@ def _usda(body):
     return columns
 
 
-_READERS = {"json": _json, "csv": _csv, "npz": _npz, "arrow": _arrow_columns, "usda": _usda}
+_READERS = {
+    "json": _json,
+    "csv": _csv,
+    "npz": _npz,
+    "arrow": _arrow_columns,
+    "parquet": _parquet_columns,
+    "usda": _usda,
+}

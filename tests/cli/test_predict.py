@@ -29,7 +29,7 @@ def test_the_answer_is_the_one_of_the_server(serving, form, frame):
     assert mine.out.rstrip("\n") == theirs.text.rstrip("\n")
 
 
-@pytest.mark.parametrize("form", ["npz", "arrow", "usda", "svg", "png"])
+@pytest.mark.parametrize("form", ["npz", "arrow", "parquet", "usda", "svg", "png"])
 def test_files_and_pipes_take_every_form_of_the_server(serving, tmp_path, form):
     params = {**_QUERY, "format": form}
     theirs = httpx.get(f"{serving.address}/v1/predictions", params=params, timeout=60)

@@ -58,7 +58,7 @@ def test_the_json_answer_is_what_its_model_says():
         assert [each["event"] for each in document["events"]] == [each.event for each in answer.events]
 
 
-@pytest.mark.parametrize("form", ["npz", "arrow", "usda"])
+@pytest.mark.parametrize("form", ["npz", "arrow", "parquet", "usda"])
 def test_tables_carry_what_is_no_column(form):
     subject = subject_of(Frame.SLOPE, band=True)
     about = about_in(form, ENCODERS[Format(form)].encode(subject))

@@ -39,7 +39,7 @@ def test_every_data_form_has_the_wheels(loaded, form, frame):
         np.testing.assert_array_equal(columns[name], prediction.trajectory[name])
     if form == "json":
         PredictionAnswer.model_validate_json(body)
-    if form in ("npz", "arrow", "usda"):
+    if form in ("npz", "arrow", "parquet", "usda"):
         units = about_in(form, body)["units"]
         assert [units[name] for name in ("time_s", "x_m", *SPEED_NAMES)] == ["s", "m", "m/s", "rad/s", "rad/s"]
 

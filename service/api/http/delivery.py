@@ -1,4 +1,4 @@
-"""How an answer travels: compressed or not, how long a cache may keep it, and 304 for those who have it already."""
+"""How an answer travels: compressed or not, whole or in part, how long a cache may keep it, 304 for who has it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from fastapi import Request, Response
 
 import service
 from service.api.http.compression import SMALLEST_BYTES, Coding, choose_coding, compressed
+from service.api.http.ranges import PARTIAL, Range, content_range
 from service.twin import Loaded
 
 # A version never changes, the service that computes with it may: a day is how long an upgrade can stay unseen.
@@ -23,6 +24,10 @@ CACHE_HEADERS: dict[str, Any] = {
         "schema": {"type": "string"},
         "description": f"`{_FIXED}` for a version asked for by number, `{_MOVING}` for one asked for by alias.",
     },
+    "Accept-Ranges": {
+        "schema": {"type": "string", "enum": ["bytes"]},
+        "description": "A `Range` of bytes gets a 206 with that part, on `If-Range` only while the `ETag` is that one.",
+    },
 }
 """Response headers of what can be cached, for the OpenAPI document."""
 
@@ -34,13 +39,17 @@ NOT_MODIFIED: dict[int | str, dict[str, Any]] = {
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
-    """What one request's headers want, and what its answer's say. `cached` are the headers of the cache."""
+    """What one request's headers want, and what its answer's say. `cached` are the headers of the cache.
+
+    Only what can be cached comes in parts: its bytes are the same each time.
+    """
 
     media_type: str
     coding: Coding
     vary: str
     cached: Mapping[str, str] = field(default_factory=dict)
     known: str = ""
+    range: Range = field(default_factory=Range)
 
     @classmethod
     def of(cls, request: Request, media_type: str, *, text: bool, negotiated: bool = True) -> Delivery:
@@ -63,7 +72,8 @@ class Delivery:
         key = "\n".join([service.__version__, self.media_type, self.coding, ""]).encode()
         tag = f'"{hashlib.sha256(key + content).hexdigest()[:32]}"'
         cached = {"ETag": tag, "Cache-Control": _FIXED if fixed else _MOVING}
-        return replace(self, cached=cached, known=",".join(request.headers.getlist("if-none-match")))
+        known = ",".join(request.headers.getlist("if-none-match"))
+        return replace(self, cached=cached, known=known, range=Range.of(request.headers))
 
     def not_modified(self) -> Response | None:
         """The 304 for who has the answer already, else None."""
@@ -78,4 +88,11 @@ class Delivery:
         if self.coding is not Coding.IDENTITY and len(body) >= SMALLEST_BYTES:
             body = compressed(body, self.coding)
             sent["Content-Encoding"] = self.coding
-        return Response(body, headers=sent, media_type=self.media_type)
+        if not self.cached:
+            return Response(body, headers=sent, media_type=self.media_type)
+        sent["Accept-Ranges"] = "bytes"
+        part = self.range.part(len(body), self.cached["ETag"])
+        if part is None:
+            return Response(body, headers=sent, media_type=self.media_type)
+        sent["Content-Range"] = content_range(part, len(body))
+        return Response(body[part], PARTIAL, headers=sent, media_type=self.media_type)

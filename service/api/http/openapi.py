@@ -7,11 +7,14 @@ from typing import Any
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
+from fastapi.routing import APIRoute
 from pydantic import BaseModel
+from pydantic.json_schema import JsonSchemaMode, models_json_schema
 
 from service.api.http.problems import PROBLEM_MEDIA_TYPE, PROBLEMS, Problem, ProblemKind, Slug
 
 _COMPONENTS = "#/components/schemas/"
+_declared: dict[str, type[BaseModel]] = {}
 _EVERYWHERE = (Slug.HEAD_TOO_LARGE, Slug.INTERNAL)
 
 
@@ -52,6 +55,26 @@ def _example(kind: ProblemKind) -> dict[str, Any]:
     return document
 
 
+def form_of(text: bool, meaning: str) -> dict[str, Any]:
+    """The content of one form of an answer: text, or bytes, which generated clients hand over as such."""
+    return {"schema": {"type": "string", **({} if text else {"format": "binary"}), "description": meaning}}
+
+
+def schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    """A reference to the schema of a body that FastAPI does not read: so that generated clients have it once, by name.
+
+    Raises ValueError for another model of the same name.
+    """
+    if _declared.setdefault(model.__name__, model) is not model:
+        raise ValueError(f"two bodies are called {model.__name__}")
+    return {"$ref": _COMPONENTS + model.__name__}
+
+
+def operation_id(route: APIRoute) -> str:
+    """The name of the method in a generated client: that of the endpoint, a verb and a noun, unique in the service."""
+    return route.name
+
+
 def openapi_of(app: FastAPI) -> dict[str, Any]:
     """The whole document; computed once per app."""
     if app.openapi_schema is None:
@@ -67,10 +90,17 @@ def openapi_of(app: FastAPI) -> dict[str, Any]:
         _json_first(document)
         problem = Problem.model_json_schema(ref_template=_COMPONENTS + "{model}")
         schemas = document.setdefault("components", {}).setdefault("schemas", {})
-        for name, schema in {**problem.pop("$defs", {}), "Problem": problem}.items():
+        for name, schema in {**_bodies(), **problem.pop("$defs", {}), "Problem": problem}.items():
             schemas.setdefault(name, schema)
         app.openapi_schema = document
     return app.openapi_schema
+
+
+def _bodies() -> dict[str, Any]:
+    """The schemas that `schema_of` referred to, with those that they refer to."""
+    models: list[tuple[type[BaseModel], JsonSchemaMode]] = [(each, "validation") for each in _declared.values()]
+    found: dict[str, Any] = models_json_schema(models, ref_template=_COMPONENTS + "{model}")[1]
+    return dict(found.get("$defs", {}))
 
 
 def _json_first(document: dict[str, Any]) -> None:
@@ -91,20 +121,3 @@ def _without_defaults(document: dict[str, Any]) -> None:
                 operation["responses"].pop("422", None)
     for name in ("HTTPValidationError", "ValidationError"):
         document["components"]["schemas"].pop(name, None)
-
-
-def inlined_schema(model: type[BaseModel]) -> dict[str, Any]:
-    """A JSON schema without references, for bodies that FastAPI does not read."""
-    schema = model.model_json_schema()
-    definitions = schema.pop("$defs", {})
-
-    def resolved(node: object) -> object:
-        if isinstance(node, list):
-            return [resolved(each) for each in node]
-        if not isinstance(node, dict):
-            return node
-        if "$ref" in node:
-            return resolved(definitions[node["$ref"].rpartition("/")[2]])
-        return {name: resolved(each) for name, each in node.items()}
-
-    return {name: resolved(each) for name, each in schema.items()}

@@ -38,4 +38,6 @@ class Semantics:
                     await send({"type": "http.response.body", "body": b"", "more_body": False})
                     enough.cancel()
 
-            await self.app({**scope, "method": "GET"}, receive, without_body)
+            # of a HEAD no part is asked: whoever asks wants to know the whole
+            headers = [each for each in scope["headers"] if each[0] != b"range"]
+            await self.app({**scope, "method": "GET", "headers": headers}, receive, without_body)

@@ -15,7 +15,7 @@ from service.api.http.delivery import Delivery
 from service.api.http.limits.answer_bytes import TEXT_BYTES, Room
 from service.api.http.many_problems import problems_of
 from service.api.http.negotiation import choose
-from service.api.http.openapi import inlined_schema, problem_responses
+from service.api.http.openapi import form_of, problem_responses, schema_of
 from service.api.http.problems import Slug
 from service.api.http.reading import Route, parsed, require_json
 from service.api.services import TheServices
@@ -38,13 +38,14 @@ _MEANINGS = {
     "(time,) where all scenarios share it, arrays of shape (scenario,), and `metadata`, JSON text.",
     BatchFormat.ARROW: "Arrow IPC stream: one record batch, a row for each scenario and time; the schema's metadata "
     "has the scenarios, their domain, summary and errors as JSON text.",
+    BatchFormat.PARQUET: "Parquet file: the table of Arrow, its metadata in the file's key-value metadata.",
 }
 _RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
         "model": BatchAnswer,
         "description": "The trajectories, in the form asked for. Scenarios that were refused are in `errors`.",
         "content": {
-            BATCH_ENCODERS[form].media_type: {"schema": {"type": "string", "description": meaning}}
+            BATCH_ENCODERS[form].media_type: form_of(form is BatchFormat.NDJSON, meaning)
             for form, meaning in _MEANINGS.items()
         },
         "headers": {
@@ -96,10 +97,12 @@ router = APIRouter(prefix=PATH, tags=["predictions"], responses=_RESPONSES, rout
     response_class=Response,
     response_model=None,
     openapi_extra={
-        "requestBody": {"required": True, "content": {"application/json": {"schema": inlined_schema(BatchBody)}}}
+        "requestBody": {"required": True, "content": {"application/json": {"schema": schema_of(BatchBody)}}}
     },
 )
-async def post_batch(form: Annotated[BatchFormatQuery, Query()], request: Request, services: TheServices) -> Response:
+async def create_prediction_batch(
+    form: Annotated[BatchFormatQuery, Query()], request: Request, services: TheServices
+) -> Response:
     """Where many rovers go, all with the same step or the same times. A refused scenario does not stop the others."""
     wanted = choose(BATCH_MEDIA_TYPES, form.format, request.headers.get("accept"))
     require_json(request)

@@ -12,7 +12,7 @@ from service.api.http.delivery import Delivery
 from service.api.http.limits.answer_bytes import TEXT_BYTES, Room
 from service.api.http.many_problems import problems_of
 from service.api.http.negotiation import choose
-from service.api.http.openapi import inlined_schema, problem_responses
+from service.api.http.openapi import form_of, problem_responses, schema_of
 from service.api.http.problems import Slug
 from service.api.http.reading import Route, parsed, require_json
 from service.api.services import TheServices
@@ -37,6 +37,7 @@ _MEANINGS = {
     "all drives share it, arrays of shape (drive,), and `metadata`, JSON text with the events.",
     BatchFormat.ARROW: "Arrow IPC stream: one record batch, a row for each drive and time; the schema's metadata has "
     "the drives, their domain, summary, events and errors as JSON text.",
+    BatchFormat.PARQUET: "Parquet file: the table of Arrow, its metadata in the file's key-value metadata.",
 }
 _MOST_COLUMNS = 24
 _RESPONSES: dict[int | str, dict[str, Any]] = {
@@ -44,7 +45,7 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
         "model": DriveBatchAnswer,
         "description": "The drives, in the form asked for. Those that were refused are in `errors`.",
         "content": {
-            BATCH_ENCODERS[form].media_type: {"schema": {"type": "string", "description": meaning}}
+            BATCH_ENCODERS[form].media_type: form_of(form is BatchFormat.NDJSON, meaning)
             for form, meaning in _MEANINGS.items()
         },
         "headers": {
@@ -84,10 +85,12 @@ router = APIRouter(prefix=PATH, tags=["drives"], responses=_RESPONSES, route_cla
     response_class=Response,
     response_model=None,
     openapi_extra={
-        "requestBody": {"required": True, "content": {"application/json": {"schema": inlined_schema(DriveBatchBody)}}}
+        "requestBody": {"required": True, "content": {"application/json": {"schema": schema_of(DriveBatchBody)}}}
     },
 )
-async def post_drives(form: Annotated[BatchFormatQuery, Query()], request: Request, services: TheServices) -> Response:
+async def create_drive_batch(
+    form: Annotated[BatchFormatQuery, Query()], request: Request, services: TheServices
+) -> Response:
     """Where many rovers go, all with the same step or the same times. What stands beside `drives` holds for all."""
     wanted = choose(BATCH_MEDIA_TYPES, form.format, request.headers.get("accept"))
     require_json(request)

@@ -10,7 +10,7 @@ from service.api.http.compression import Coding
 from service.api.http.delivery import Delivery
 from service.api.http.lanes import LaneRoute
 from service.api.http.negotiation import choose
-from service.api.http.openapi import problem_responses
+from service.api.http.openapi import form_of, problem_responses
 from service.api.http.problems import Slug
 from service.api.services import TheServices
 from service.twin.drives import DriveQuestion
@@ -31,6 +31,7 @@ _SHORT_TEXT = 1000  # points
 _MEANINGS = {
     Format.NPZ: "NumPy archive: an array for each column, and `metadata`, JSON text.",
     Format.ARROW: "Arrow IPC stream: one record batch; the schema's metadata is JSON text.",
+    Format.PARQUET: "Parquet file: the table of Arrow, its metadata in the file's key-value metadata.",
     Format.USDA: "USD text layer: the rover as time samples of `/Rover`, Z-up, metres, in the world frame.",
     Format.SVG: "Plot of position, speed, slope and torque against time, with the events.",
     Format.PNG: "The plot as pixels.",
@@ -45,10 +46,7 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
                 "example": "time_s,x_m,y_m,speed_m_s,slope_deg,torque_nm,brake,slip_ratio\n"
                 "0.0,0.0,0.2337,-0.0035,11.07,60.0,0,1.0\n",
             },
-            **{
-                ENCODERS[form].media_type: {"schema": {"type": "string", "description": meaning}}
-                for form, meaning in _MEANINGS.items()
-            },
+            **{ENCODERS[form].media_type: form_of(ENCODERS[form].text, meaning) for form, meaning in _MEANINGS.items()},
         },
         "headers": {
             "Rover-Twin-Model": {
@@ -85,7 +83,7 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
 }
 
 
-async def post_drive(
+async def create_drive(
     asked: Annotated[DriveBody, Body()],
     form: Annotated[FormatQuery, Query()],
     request: Request,
@@ -117,7 +115,7 @@ def _simple(question: DriveQuestion) -> bool:
 router = APIRouter(prefix=PATH, tags=["drives"], responses=RESPONSES)
 router.add_api_route(
     "",
-    post_drive,
+    create_drive,
     methods=["POST"],
     summary="Drive over a track",
     response_class=Response,

@@ -10,7 +10,7 @@ from service.api.http.compression import Coding
 from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.http.lanes import LaneRoute
 from service.api.http.negotiation import choose
-from service.api.http.openapi import problem_responses
+from service.api.http.openapi import form_of, problem_responses
 from service.api.http.problems import Slug
 from service.api.services import Services, TheServices
 from service.twin import Loaded
@@ -29,6 +29,7 @@ _COMPRESSED_AT_ONCE = 250  # points: 10 kB of text take gzip a third of a millis
 _MEANINGS = {
     Format.NPZ: "NumPy archive: a float64 array for each column, and `metadata`, JSON text.",
     Format.ARROW: "Arrow IPC stream: one record batch, a float64 column each; the schema's metadata is JSON text.",
+    Format.PARQUET: "Parquet file: a float64 column each; the file's metadata is JSON text, as Arrow's.",
     Format.USDA: "USD text layer: the rover as time samples of `/Rover`, Z-up, metres.",
     Format.SVG: "Plot of the position against time.",
     Format.PNG: "The plot as pixels.",
@@ -39,10 +40,7 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
         "description": "The trajectory, in the form asked for.",
         "content": {
             "text/csv": {"schema": {"type": "string"}, "example": "time_s,x_m,y_m\n0.0,0.0,0.0\n0.05,0.0001,0.0\n"},
-            **{
-                ENCODERS[form].media_type: {"schema": {"type": "string", "description": meaning}}
-                for form, meaning in _MEANINGS.items()
-            },
+            **{ENCODERS[form].media_type: form_of(ENCODERS[form].text, meaning) for form, meaning in _MEANINGS.items()},
         },
         "headers": {
             "Rover-Twin-Model": {
@@ -85,7 +83,7 @@ async def get_prediction(
     return await _predict(asked, form, request, services)
 
 
-async def post_prediction(
+async def create_prediction(
     asked: Annotated[PredictionBody, Body()],
     form: Annotated[FormatQuery, Query()],
     request: Request,
@@ -136,7 +134,7 @@ router.add_api_route(
 )
 router.add_api_route(
     "",
-    post_prediction,
+    create_prediction,
     methods=["POST"],
     summary="Predict one scenario, asked for in JSON",
     response_class=Response,

@@ -10,7 +10,7 @@ from pydantic.json_schema import SkipJsonSchema
 
 from service.api.http.lanes import LaneRoute
 from service.api.http.negotiation import choose
-from service.api.http.openapi import inlined_schema, problem_responses
+from service.api.http.openapi import form_of, problem_responses, schema_of
 from service.api.http.problems import Slug
 from service.api.http.reading import parsed, require_json
 from service.api.services import TheServices
@@ -39,7 +39,7 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
         "model": StepsAnswer,
         "description": "Where the rovers are at the end of their steps. Rovers that were refused are in `errors`.",
-        "content": {ARROW: {"schema": {"type": "string", "description": _ARROW_ANSWER}}},
+        "content": {ARROW: form_of(text=False, meaning=_ARROW_ANSWER)},
         "headers": {
             "Rover-Twin-Failed": {"schema": {"type": "integer"}, "description": "How many rovers were not moved on."},
         },
@@ -75,7 +75,7 @@ class StepsQuery(BaseModel):
     ] = None
 
 
-async def post_steps(form: Annotated[StepsQuery, Query()], request: Request, services: TheServices) -> Response:
+async def create_steps(form: Annotated[StepsQuery, Query()], request: Request, services: TheServices) -> Response:
     """Each rover begins (`start`) or goes on from a `state`, for `dt_s` on this slope under this control.
 
     Nothing is kept here: any server that has the version answers the next step. A refused rover does not stop the
@@ -111,7 +111,7 @@ def _answer(question: StepsQuestion, found: Stepped, form: StepsFormat) -> Respo
 router = APIRouter(prefix=PATH, tags=["drives"], responses=_RESPONSES)
 router.add_api_route(
     "",
-    post_steps,
+    create_steps,
     methods=["POST"],
     summary=f"Move up to {MAX_ROVERS:,} rovers on by a step each",
     response_class=Response,
@@ -121,7 +121,7 @@ router.add_api_route(
         "requestBody": {
             "required": True,
             "content": {
-                "application/json": {"schema": inlined_schema(StepsBody)},
+                "application/json": {"schema": schema_of(StepsBody)},
                 ARROW: {"schema": {"type": "string", "format": "binary", "description": _ARROW_QUESTION}},
             },
         }

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from pydantic import BaseModel, Field
 
 from model_store import Manifest, ModelStore, Resolved
@@ -48,6 +46,44 @@ class ModelMetadata(BaseModel):
     parameters: Parameters = Field(description="The version this is about, and the parameters of a request.")
 
 
+class ConfiguredTensor(BaseModel):
+    """One tensor in Triton's configuration; -1 is a dimension of any length."""
+
+    name: str
+    data_type: str
+    dims: list[int]
+
+
+class ConfiguredInput(ConfiguredTensor):
+    """One input tensor."""
+
+    optional: bool
+
+
+class SpecificVersions(BaseModel):
+    """The versions that are served under this address."""
+
+    versions: list[int]
+
+
+class VersionPolicy(BaseModel):
+    """Always the kind `specific`."""
+
+    specific: SpecificVersions
+
+
+class ModelConfiguration(BaseModel):
+    """Triton's configuration of a model, as far as it applies."""
+
+    name: str
+    platform: str
+    backend: str
+    version_policy: VersionPolicy
+    max_batch_size: int
+    input: list[ConfiguredInput]
+    output: list[ConfiguredTensor]
+
+
 def metadata_of(store: ModelStore, reference: str) -> ModelMetadata:
     """Read from the store, so that it loads nothing. Raises what the store raises."""
     resolved, manifest = _version(store, reference)
@@ -61,28 +97,28 @@ def metadata_of(store: ModelStore, reference: str) -> ModelMetadata:
     )
 
 
-def configuration_of(store: ModelStore, reference: str) -> dict[str, Any]:
+def configuration_of(store: ModelStore, reference: str) -> ModelConfiguration:
     """Triton's model configuration, as far as it applies. Raises what the store raises."""
     resolved, manifest = _version(store, reference)
-    return {
-        "name": resolved.name,
-        "platform": PLATFORM,
-        "backend": "rover-twin",
-        "version_policy": {"specific": {"versions": [resolved.version]}},
-        "max_batch_size": 0,  # scenarios are a dimension of the tensors, since times have none
-        "input": [
-            {"name": each.name, "data_type": "TYPE_FP64", "dims": [-1], "optional": not each.required}
+    return ModelConfiguration(
+        name=resolved.name,
+        platform=PLATFORM,
+        backend="rover-twin",
+        version_policy=VersionPolicy(specific=SpecificVersions(versions=[resolved.version])),
+        max_batch_size=0,  # scenarios are a dimension of the tensors, since times have none
+        input=[
+            ConfiguredInput(name=each.name, data_type="TYPE_FP64", dims=[-1], optional=not each.required)
             for each in INPUTS.values()
         ],
-        "output": [
-            {
-                "name": each.name,
-                "data_type": _TRITON_TYPES.get(each.datatype, f"TYPE_{each.datatype}"),
-                "dims": [-1] * each.rank,
-            }
+        output=[
+            ConfiguredTensor(
+                name=each.name,
+                data_type=_TRITON_TYPES.get(each.datatype, f"TYPE_{each.datatype}"),
+                dims=[-1] * each.rank,
+            )
             for each in _outputs(manifest)
         ],
-    }
+    )
 
 
 def _version(store: ModelStore, reference: str) -> tuple[Resolved, Manifest]:

@@ -14,12 +14,12 @@ from service.api import health
 from service.api.admin import Admin, AdminRoute
 from service.api.http.exceptions import NotReadyError
 from service.api.http.lanes import LaneRoute
-from service.api.http.openapi import inlined_schema
+from service.api.http.openapi import schema_of
 from service.api.http.reading import Route, parsed, validated
 from service.api.services import Services, TheServices
 from service.api.v2.answer import Bounds, Call, InferenceAnswer, answer, read
 from service.api.v2.failures import PREFIX, failure_responses
-from service.api.v2.metadata import ModelMetadata, configuration_of, metadata_of
+from service.api.v2.metadata import ModelConfiguration, ModelMetadata, configuration_of, metadata_of
 from service.api.v2.repository import (
     IndexEntry,
     IndexRequest,
@@ -29,6 +29,7 @@ from service.api.v2.repository import (
     require_loadable,
     unload,
 )
+from service.api.v2.statistics_answer import ModelStatistics
 from service.api.v2.wire import HEADER_LENGTH, InferenceRequest
 
 EXTENSIONS = ("binary_tensor_data", "model_repository", "model_configuration", "parameters", "statistics")
@@ -78,23 +79,17 @@ class ModelNames(BaseModel):
     models: list[str]
 
 
-class ModelStatistics(BaseModel):
-    """Triton's statistics, of this process since its start."""
-
-    model_stats: list[dict[str, Any]]
-
-
 @router.get("", summary="The server and its extensions")
-async def server_metadata() -> ServerMetadata:
+async def get_server_metadata() -> ServerMetadata:
     """Name, version and which extensions of the protocol there are."""
     return ServerMetadata(name="rover-twin", version=service.__version__, extensions=list(EXTENSIONS))
 
 
-router.add_api_route("/", server_metadata, include_in_schema=False)  # so the protocol's OpenAPI document writes it
+router.add_api_route("/", get_server_metadata, include_in_schema=False)  # so the protocol's OpenAPI document writes it
 
 
 @router.get("/health/live", summary="Is the server alive?")
-async def server_live() -> ServerLive:
+async def get_server_live() -> ServerLive:
     """Answers as long as the event loop runs."""
     return ServerLive(live=True)
 
@@ -104,10 +99,10 @@ async def server_live() -> ServerLive:
     summary="Can the server predict?",
     responses={503: {"model": ServerReady, "description": "Not now; `error` says why."}},
 )
-async def server_ready(services: TheServices, request: Request, response: Response) -> ServerReady:
+async def get_server_ready(services: TheServices, request: Request, response: Response) -> ServerReady:
     """Makes a small prediction with the default model; other models are loaded when they are asked for."""
     try:
-        await health.ready(services, request)
+        await health.get_readiness(services, request)
     except NotReadyError as error:
         response.status_code = 503
         return ServerReady(live=True, ready=False, error=str(error))
@@ -115,43 +110,43 @@ async def server_ready(services: TheServices, request: Request, response: Respon
 
 
 @router.get("/models", summary="Names of the models", responses=failure_responses(503))
-async def model_names(services: TheServices) -> ModelNames:
+async def list_model_names(services: TheServices) -> ModelNames:
     """As KServe lists them."""
     return ModelNames(models=await services.storage.run(services.store.model_names))
 
 
 @router.get("/models/stats", summary="Statistics of all models")
-async def all_statistics(services: TheServices) -> ModelStatistics:
+async def list_statistics(services: TheServices) -> ModelStatistics:
     """Counts and times of all versions that were asked since this process started."""
-    return ModelStatistics(model_stats=services.statistics.documents())
+    return ModelStatistics.model_validate({"model_stats": services.statistics.documents()})
 
 
 @router.get("/models/{name}", summary="A model and its tensors", responses=_OF_MODEL)
-async def model_metadata(name: Name, services: TheServices) -> ModelMetadata:
+async def get_model_metadata(name: Name, services: TheServices) -> ModelMetadata:
     """Inputs and outputs with their units and ranges, of the version that answers now."""
     return await _metadata(reference_of(name), services)
 
 
 @router.get("/models/{name}/versions/{version}", summary="A version and its tensors", responses=_OF_MODEL)
-async def version_metadata(name: Name, version: Version, services: TheServices) -> ModelMetadata:
+async def get_version_metadata(name: Name, version: Version, services: TheServices) -> ModelMetadata:
     """Inputs and outputs with their units and ranges."""
     return await _metadata(reference_of(name, version), services)
 
 
 @router.get("/models/{name}/ready", summary="Can a model predict?", responses=_OF_MODEL)
-async def model_ready(name: Name, services: TheServices) -> ModelReady:
+async def get_model_ready(name: Name, services: TheServices) -> ModelReady:
     """Loads the model if it is not in memory."""
     return await _ready(reference_of(name), services)
 
 
 @router.get("/models/{name}/versions/{version}/ready", summary="Can a version predict?", responses=_OF_MODEL)
-async def version_ready(name: Name, version: Version, services: TheServices) -> ModelReady:
+async def get_version_ready(name: Name, version: Version, services: TheServices) -> ModelReady:
     """Loads the version if it is not in memory."""
     return await _ready(reference_of(name, version), services)
 
 
 @router.get("/models/{name}/config", summary="Triton's configuration of a model", responses=_OF_MODEL)
-async def model_configuration(name: Name, services: TheServices) -> dict[str, Any]:
+async def get_model_configuration(name: Name, services: TheServices) -> ModelConfiguration:
     """Made from the model's metadata."""
     return await services.storage.run(lambda: configuration_of(services.store, reference_of(name)))
 
@@ -159,29 +154,31 @@ async def model_configuration(name: Name, services: TheServices) -> dict[str, An
 @router.get(
     "/models/{name}/versions/{version}/config", summary="Triton's configuration of a version", responses=_OF_MODEL
 )
-async def version_configuration(name: Name, version: Version, services: TheServices) -> dict[str, Any]:
+async def get_version_configuration(name: Name, version: Version, services: TheServices) -> ModelConfiguration:
     """Made from the version's metadata."""
     return await services.storage.run(lambda: configuration_of(services.store, reference_of(name, version)))
 
 
 @router.get("/models/{name}/stats", summary="Statistics of a model", responses=_OF_MODEL)
-async def model_statistics(name: Name, services: TheServices) -> ModelStatistics:
+async def get_model_statistics(name: Name, services: TheServices) -> ModelStatistics:
     """Counts and times of its versions that were asked since this process started."""
     reference = reference_of(name)
     await services.storage.run(lambda: services.store.versions(reference))
-    return ModelStatistics(model_stats=services.statistics.documents(name))
+    return ModelStatistics.model_validate({"model_stats": services.statistics.documents(name)})
 
 
 @router.get("/models/{name}/versions/{version}/stats", summary="Statistics of a version", responses=_OF_MODEL)
-async def version_statistics(name: Name, version: Version, services: TheServices) -> ModelStatistics:
+async def get_version_statistics(name: Name, version: Version, services: TheServices) -> ModelStatistics:
     """Counts and times since this process started."""
     reference = reference_of(name, version)
     resolved = await services.storage.run(lambda: services.store.resolve(reference))
-    return ModelStatistics(model_stats=services.statistics.documents(resolved.name, resolved.version))
+    return ModelStatistics.model_validate(
+        {"model_stats": services.statistics.documents(resolved.name, resolved.version)}
+    )
 
 
 def _body(model: type[BaseModel], *, required: bool = False, example: dict[str, Any] | None = None) -> dict[str, Any]:
-    media: dict[str, Any] = {"schema": inlined_schema(model)} | ({"example": example} if example else {})
+    media: dict[str, Any] = {"schema": schema_of(model)} | ({"example": example} if example else {})
     return {"requestBody": {"required": required, "content": {"application/json": media}}}
 
 
@@ -210,19 +207,19 @@ _INFER: dict[str, Any] = {
 }
 
 
-async def model_infer(name: Name, request: Request, services: TheServices) -> Response:
+async def infer_model(name: Name, request: Request, services: TheServices) -> Response:
     """Tensors of scenarios in, tensors of trajectories out; JSON or binary either way."""
     return await _infer(reference_of(name), request, services)
 
 
-async def version_infer(name: Name, version: Version, request: Request, services: TheServices) -> Response:
+async def infer_version(name: Name, version: Version, request: Request, services: TheServices) -> Response:
     """Tensors of scenarios in, tensors of trajectories out; JSON or binary either way."""
     return await _infer(reference_of(name, version), request, services)
 
 
 for _path, _endpoint, _summary in (
-    ("/models/{name}/infer", model_infer, "Predict many scenarios"),
-    ("/models/{name}/versions/{version}/infer", version_infer, "Predict many scenarios by a version"),
+    ("/models/{name}/infer", infer_model, "Predict many scenarios"),
+    ("/models/{name}/versions/{version}/infer", infer_version, "Predict many scenarios by a version"),
 ):
     router.add_api_route(_path, _endpoint, methods=["POST"], summary=_summary, route_class_override=LaneRoute, **_INFER)
 
@@ -233,7 +230,7 @@ for _path, _endpoint, _summary in (
     openapi_extra=_body(IndexRequest),
     responses=failure_responses(400, 413, 503),
 )
-async def repository_index(request: Request, services: TheServices) -> list[IndexEntry]:
+async def list_repository(request: Request, services: TheServices) -> list[IndexEntry]:
     """One entry for each published version. Why one cannot be loaded is told to those who send a token."""
     asked = _read(IndexRequest, await request.body())
     known = services.access.is_known(request.scope)

@@ -11,6 +11,7 @@ from service.wire.batch_forms.arrow import encode_batch_arrow
 from service.wire.batch_forms.json import encode_batch_json
 from service.wire.batch_forms.ndjson import batch_lines
 from service.wire.batch_forms.npz import encode_batch_npz
+from service.wire.batch_forms.parquet import encode_batch_parquet
 from service.wire.batch_forms.subject import BatchSubject, BatchWritable
 from service.wire.forms import MEDIA_TYPES, Format
 
@@ -22,6 +23,7 @@ class BatchFormat(StrEnum):
     NDJSON = "ndjson"
     NPZ = "npz"
     ARROW = "arrow"
+    PARQUET = "parquet"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +42,7 @@ BATCH_ENCODERS: Mapping[BatchFormat, BatchEncoder] = MappingProxyType(
         BatchFormat.NDJSON: BatchEncoder("application/x-ndjson", stream=batch_lines),
         BatchFormat.NPZ: BatchEncoder(MEDIA_TYPES[Format.NPZ], encode_batch_npz),
         BatchFormat.ARROW: BatchEncoder(MEDIA_TYPES[Format.ARROW], encode_batch_arrow),
+        BatchFormat.PARQUET: BatchEncoder(MEDIA_TYPES[Format.PARQUET], encode_batch_parquet),
     }
 )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +11,16 @@ from service.wire.batch_forms.subject import BatchWritable
 from service.wire.forms.arrow import stream_of
 from service.wire.forms.numbers import dump, require_finite
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 
 def encode_batch_arrow(subject: BatchWritable) -> bytes:
+    """The IPC stream of `long_batch_of`. Raises NonFiniteError."""
+    return stream_of(long_batch_of(subject))
+
+
+def long_batch_of(subject: BatchWritable) -> pa.RecordBatch:
     """One record batch, a row for each scenario, or drive, and time: `scenario` or `drive` (int32, its place in the
     request), then float64 or bool.
 
@@ -32,8 +40,7 @@ def encode_batch_arrow(subject: BatchWritable) -> bytes:
         fields.append(pa.field(name, each.type, nullable=False, metadata={"unit": units[name]}))
     told = about | subject.tables() | subject.extras()
     metadata = {name: part if isinstance(part, str) else dump(part) for name, part in told.items()}
-    batch = pa.record_batch(arrays, pa.schema(fields, metadata))
-    return stream_of(batch)
+    return pa.record_batch(arrays, pa.schema(fields, metadata))
 
 
 def _long(subject: BatchWritable) -> dict[str, npt.NDArray[Any]]:

@@ -19,7 +19,7 @@ from service.twin import Frame
 from service.twin.drives import HORIZON_S, DriveQuestion, Ground, Wanted, controls_of
 from service.twin.scenario import sample_count
 from service.wire.points import require_few_times, require_wide_step
-from service.wire.prediction import PredictionInputs
+from service.wire.prediction import STEP_S, PredictionInputs
 
 MOST_KNOTS = 10_000
 FURTHEST_M = 100_000.0
@@ -225,11 +225,12 @@ class DriveSampling(BaseModel):
         float,
         *_FIELDS["dt_s"].metadata,
         Field(
-            description="Time between two points in seconds. The end is always the last point. A trajectory has at "
-            "most 100,000 points unless the operator set another limit.",
+            description=f"Time between two points in seconds; {STEP_S:g} without it. The end is always the last point. "
+            "A trajectory has at most 100,000 points unless the operator set another limit.",
             examples=[0.05],
+            default_factory=lambda: STEP_S,
         ),
-    ] = 0.05
+    ]
     times_s: Annotated[
         list[Annotated[float, Field(ge=0, le=LIMITS.horizon_s[1])]],
         FailFast(),

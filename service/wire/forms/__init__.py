@@ -14,6 +14,7 @@ from service.wire.forms.arrow import encode_arrow
 from service.wire.forms.csv import encode_csv
 from service.wire.forms.json import encode_json
 from service.wire.forms.npz import encode_npz
+from service.wire.forms.parquet import encode_parquet
 from service.wire.forms.plot import encode_png, encode_svg
 from service.wire.forms.subject import Picture, Stage, Subject, Writable
 from service.wire.forms.usda import encode_usda
@@ -26,6 +27,7 @@ class Format(StrEnum):
     CSV = "csv"
     NPZ = "npz"
     ARROW = "arrow"
+    PARQUET = "parquet"
     USDA = "usda"
     SVG = "svg"
     PNG = "png"
@@ -57,6 +59,7 @@ ENCODERS: Mapping[Format, Encoder] = MappingProxyType(
         Format.CSV: Encoder("text/csv", encode_csv, text=True, points_at_once=1_000),
         Format.NPZ: Encoder("application/x-npz", encode_npz, text=False, points_at_once=25_000),
         Format.ARROW: Encoder("application/vnd.apache.arrow.stream", encode_arrow, text=False, points_at_once=25_000),
+        Format.PARQUET: Encoder("application/vnd.apache.parquet", encode_parquet, text=False, points_at_once=2_000),
         Format.USDA: Encoder("model/vnd.usda", encode_usda, text=True, points_at_once=300),
         Format.SVG: Encoder("image/svg+xml", encode_svg, text=True, points_at_once=0),
         Format.PNG: Encoder("image/png", encode_png, text=False, points_at_once=0),

@@ -13,6 +13,11 @@ if TYPE_CHECKING:
 
 
 def encode_arrow(subject: Writable) -> bytes:
+    """The IPC stream of `batch_of`. Raises NonFiniteError."""
+    return stream_of(batch_of(subject))
+
+
+def batch_of(subject: Writable) -> pa.RecordBatch:
     """One record batch with a float64, or bool, column for each column of the answer, none of them null.
 
     The metadata of the schema has `frame` as plain text and JSON objects under the other names of `Writable.about`;
@@ -29,8 +34,7 @@ def encode_arrow(subject: Writable) -> bytes:
         for name, each in zip(columns, arrays, strict=True)
     ]
     metadata = {name: part if isinstance(part, str) else dump(part) for name, part in about.items()}
-    batch = pa.record_batch(arrays, pa.schema(fields, metadata))
-    return stream_of(batch)
+    return pa.record_batch(arrays, pa.schema(fields, metadata))
 
 
 def stream_of(batch: pa.RecordBatch) -> bytes:

@@ -10,6 +10,7 @@ import time
 import httpx
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -18,7 +19,7 @@ from service.wire.batch_answer import BatchAnswer
 from tests.api.conftest import QUESTION, Running
 
 PATH = "/v1/predictions/batch"
-FORMS = ["json", "ndjson", "npz", "arrow"]
+FORMS = ["json", "ndjson", "npz", "arrow", "parquet"]
 # x and y, m: a batch sums in another order
 TOLERANCE = {"rtol": 1e-9, "atol": 1e-9}
 scenarios = st.fixed_dictionaries(
@@ -44,8 +45,8 @@ def alone(service: Running, scenario: dict[str, object], **shared: object) -> di
 def tables_of(answer: httpx.Response, form: str) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
     """Each scenario's columns, as a single CSV has them, with `index` and the summary; and the errors."""
     assert answer.status_code == 200, answer.text
-    read = {"json": from_json, "ndjson": from_ndjson, "npz": from_npz, "arrow": from_arrow}[form]
-    return read(answer)
+    read = {"json": from_json, "ndjson": from_ndjson, "npz": from_npz, "arrow": from_arrow, "parquet": from_parquet}
+    return read[form](answer)
 
 
 def flat(trajectory: dict[str, object], prior: dict[str, object], band: dict[str, object]) -> dict[str, object]:
@@ -101,7 +102,14 @@ def from_npz(answer: httpx.Response):
 
 
 def from_arrow(answer: httpx.Response):
-    table = pa.ipc.open_stream(answer.content).read_all()
+    return from_table(pa.ipc.open_stream(answer.content).read_all())
+
+
+def from_parquet(answer: httpx.Response):
+    return from_table(pq.read_table(io.BytesIO(answer.content)))
+
+
+def from_table(table: pa.Table):
     metadata = {name.decode(): part for name, part in table.schema.metadata.items()}
     scenarios, summary, domain = (json.loads(metadata[name]) for name in ("scenarios", "summary", "domain"))
     columns = {name: table.column(name).to_numpy() for name in table.column_names}

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -14,26 +11,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import model_store
 from service.wire.drives.answer import DriveAnswer
 from service.wire.drives.batch import MOST_DRIVES
 from service.wire.drives.batch_answer import DriveBatchAnswer
-from tests.api.conftest import Running, serving
+from tests.api.conftest import Running
 from tests.api.readings import DATA_FORMS, columns_in
 
 PATH = "/v1/drives"
 TRACK = {"distance_m": [0, 3, 6, 9], "slope_deg": [10, 22, 18, 12]}
 DRIVE = {"mass_kg": 430, "track": TRACK, "controls": 60}
-
-
-@pytest.fixture(scope="module")
-def shipped(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """A service over the models that ship; its bodies may have 64 KiB, drives have more."""
-    folder = tmp_path_factory.mktemp("shipped")
-    shutil.copytree(Path(model_store.__file__).parent / "models", folder / "models")
-    with serving(folder) as running:
-        running.wait_ready()
-        yield running
 
 
 def ask(running: Running, drive: Any, path: str = PATH, **query: object) -> httpx.Response:
@@ -382,7 +368,7 @@ def test_what_concerns_all_drives_is_refused(shipped, field, body):
     refused(ask(shipped, body, f"{PATH}/batch"), field)
 
 
-@pytest.mark.parametrize("form", ["json", "ndjson", "npz", "arrow"])
+@pytest.mark.parametrize("form", ["json", "ndjson", "npz", "arrow", "parquet"])
 def test_every_form_of_a_batch_is_answered(shipped, form):
     answer = ask(shipped, {"drives": [DRIVE, {}]}, f"{PATH}/batch", format=form)
 

@@ -23,6 +23,7 @@ MEDIA_TYPES = {
     "csv": "text/csv",
     "npz": "application/x-npz",
     "arrow": "application/vnd.apache.arrow.stream",
+    "parquet": "application/vnd.apache.parquet",
     "usda": "model/vnd.usda",
     "svg": "image/svg+xml",
     "png": "image/png",
@@ -63,7 +64,7 @@ def test_every_form_holds_the_very_numbers_of_json(banded, question):
             assert columns[name].tobytes() == values.tobytes(), (form, name)
 
 
-@pytest.mark.parametrize("form", ["npz", "arrow", "usda"])
+@pytest.mark.parametrize("form", ["npz", "arrow", "parquet", "usda"])
 @pytest.mark.parametrize("view", [{"frame": "world"}, {"include": ["prior", "band"], "band_level": 0.8}])
 def test_what_is_no_column_is_beside_the_columns_as_in_json(banded, form, view):
     answer = banded.client.post("/v1/predictions", json=QUESTION | view).json()

@@ -28,7 +28,7 @@ def test_every_data_form_has_the_speed_along_the_slope(service, form, frame):
     assert (sorted if form == "usda" else list)(columns) == (sorted(names) if form == "usda" else names)
     expected = service.predict(**HORIZON_S, include="speed").json()["trajectory"]["speed_m_s"]
     assert columns["speed_m_s"].tolist() == expected
-    if form in ("npz", "arrow", "usda"):
+    if form in ("npz", "arrow", "parquet", "usda"):
         assert about_in(form, answer.content)["units"]["speed_m_s"] == "m/s"
 
 

@@ -122,7 +122,7 @@ async def get_alias(name: Name, alias: Alias, services: TheServices, response: R
 
 
 @reading.get("/{name}/aliases/{alias}/history", summary="The history of an alias", responses=_NO_ALIAS)
-async def get_alias_history(name: Name, alias: Alias, services: TheServices) -> AliasHistoryAnswer:
+async def list_alias_history(name: Name, alias: Alias, services: TheServices) -> AliasHistoryAnswer:
     """Every move of the alias, newest first."""
     require_name(name, alias)
     records = await services.storage.run(lambda: services.store.alias_history(name, alias))
@@ -173,7 +173,7 @@ async def put_alias(
     responses=problem_responses(*_WRITE_PROBLEMS, Slug.PRECONDITION_REQUIRED, Slug.ALIAS_NOT_FOUND, Slug.CONFLICT)
     | {200: {"headers": _ETAG}},
 )
-async def roll_back(
+async def roll_back_alias(
     name: Name,
     alias: Alias,
     actor: Admin,

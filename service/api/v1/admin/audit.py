@@ -112,7 +112,7 @@ class AuditAnswer(BaseModel):
 
 
 @router.get("", summary="The audit log")
-async def list_audit(asked: Annotated[AuditQuery, Query()], _: Admin, services: TheServices) -> AuditAnswer:
+async def list_audit_entries(asked: Annotated[AuditQuery, Query()], _: Admin, services: TheServices) -> AuditAnswer:
     """Every call that could change something, of callers whose token allowed it, with what was answered."""
     audit = services.audit
     if audit is None:

@@ -130,7 +130,7 @@ Reference = Annotated[
     },
     openapi_extra=OPENAPI,
 )
-async def post_dataset(request: Request, response: Response, actor: Admin, services: TheServices) -> UploadAnswer:
+async def create_dataset(request: Request, response: Response, actor: Admin, services: TheServices) -> UploadAnswer:
     """Chrono runs as a zip or tar with `runs.csv` and `passport.json`, one long CSV, Parquet, or one plain file with
     its scenario in the form; any of them gzipped. As `multipart/form-data` with a part `file`, or as the raw body.
     Slope, torque and brake that change within a run are columns `slope_deg`, `torque_nm` and `brake` of its rows.
@@ -202,7 +202,9 @@ async def get_dataset(reference: Reference, services: TheServices) -> DatasetAns
         }
     },
 )
-async def get_preview(reference: Reference, asked: Annotated[PreviewQuery, Query()], services: TheServices) -> Response:
+async def get_dataset_preview(
+    reference: Reference, asked: Annotated[PreviewQuery, Query()], services: TheServices
+) -> Response:
     """The runs of a dataset at a glance."""
     record = await services.storage.run(lambda: _found(services.store, reference))
     if services.figures.statistics().tasks_waiting >= _MOST_WAITING:
@@ -259,7 +261,7 @@ async def delete_dataset(reference: Reference, services: TheServices) -> Respons
     response_model=None,
     responses=_NO_DATASET | problem_responses(Slug.CONFLICT),
 )
-async def forget_name(
+async def delete_dataset_name(
     reference: Reference, name: Annotated[str, Path(description="A name of it.")], services: TheServices
 ) -> Response:
     """Takes the whole id. The name that the dataset was stored under stays as long as it."""

@@ -150,7 +150,7 @@ JobId = Annotated[str, Depends(_known_id)]
         ),
     },
 )
-async def start_job(
+async def create_training_job(
     asked: Annotated[TrainingJobRequest, Body(openapi_examples={"usual": {"value": EXAMPLE}})],
     response: Response,
     actor: Admin,
@@ -179,7 +179,9 @@ def _submitted(
 
 
 @router.get("", summary="All training jobs")
-async def list_jobs(asked: Annotated[JobsQuery, Query()], _: Admin, queue: Queue, services: TheServices) -> JobsAnswer:
+async def list_training_jobs(
+    asked: Annotated[JobsQuery, Query()], _: Admin, queue: Queue, services: TheServices
+) -> JobsAnswer:
     """The jobs, newest first, a page at a time."""
     jobs = await services.job_calls.run(lambda: _listed(queue, asked))
     chosen = {"state": asked.state, "model": asked.model}
@@ -195,7 +197,7 @@ def _listed(queue: JobQueue, asked: JobsQuery) -> list[TrainingJob]:
 
 
 @router.get("/{job_id}", summary="One training job", responses=_JOB)
-async def get_job(job_id: JobId, _: Admin, queue: Queue, services: TheServices) -> JobAnswer:
+async def get_training_job(job_id: JobId, _: Admin, queue: Queue, services: TheServices) -> JobAnswer:
     """Where the job stands, and what came out of it."""
     return answer_of(await services.job_calls.run(lambda: queue.get(job_id)))
 
@@ -206,7 +208,7 @@ async def get_job(job_id: JobId, _: Admin, queue: Queue, services: TheServices) 
     summary="Cancel a training job",
     responses=problem_responses(Slug.JOB_NOT_FOUND, Slug.JOB_ENDED),
 )
-async def cancel_job(job_id: JobId, _: Admin, queue: Queue, services: TheServices) -> JobAnswer:
+async def cancel_training_job(job_id: JobId, _: Admin, queue: Queue, services: TheServices) -> JobAnswer:
     """Stop a job that waits or runs; a running one stops within seconds and publishes nothing."""
     about(f"job {job_id}")
     return answer_of(await services.job_calls.run(lambda: queue.cancel(job_id)))
@@ -229,7 +231,7 @@ async def cancel_job(job_id: JobId, _: Admin, queue: Queue, services: TheService
         **problem_responses(Slug.JOB_NOT_FOUND, Slug.NOT_ACCEPTABLE),
     },
 )
-async def get_log(
+async def get_training_job_log(
     job_id: JobId, asked: Annotated[LogQuery, Query()], request: Request, _: Admin, queue: Queue, services: TheServices
 ) -> Response:
     """What the job has said so far."""
@@ -257,7 +259,7 @@ async def get_log(
         **problem_responses(Slug.JOB_NOT_FOUND),
     },
 )
-async def get_events(
+async def list_training_job_events(
     job_id: JobId,
     asked: Annotated[EventsQuery, Query()],
     request: Request,

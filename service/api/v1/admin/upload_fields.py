@@ -61,16 +61,22 @@ def _plain(name: str, schema: dict[str, Any]) -> dict[str, Any]:
     if name in _AS_JSON:
         return {"type": "string"}
     (chosen,) = [each for each in schema.get("anyOf", [schema]) if each.get("type") != "null"]
-    return {key: value for key, value in chosen.items() if key not in ("title", "description", "x-allowed")}
+    return {key: value for key, value in chosen.items() if key not in ("title", "description", "x-allowed", "default")}
 
 
 def _schemas() -> dict[str, dict[str, Any]]:
     return {name: _plain(name, schema) for name, schema in _PROPERTIES.items()}
 
 
+def _described(schema: dict[str, Any]) -> str:
+    """With the default. Stated as such, generated clients would send it twice: in the query and in the form."""
+    usual = f" Without it, `{schema['default']}`." if schema.get("default") else ""
+    return f"{schema['description']}{usual}"
+
+
 def _openapi() -> dict[str, Any]:
     """FastAPI reads no form here, so it cannot describe it either."""
-    described = {name: {"description": _PROPERTIES[name]["description"]} for name in _PROPERTIES}
+    described = {name: {"description": _described(each)} for name, each in _PROPERTIES.items()}
     schemas = _schemas()
     in_form = {name: schemas[name] | described[name] for name in _PROPERTIES if name != "filename"}
     binary = {"type": "string", "format": "binary"}

@@ -78,7 +78,9 @@ changing = APIRouter(
     summary="Whether a version can be used",
     responses=problem_responses(*_NOT_THERE) | {200: {"headers": _ETAG}},
 )
-async def get_state(name: Name, version: Version, services: TheServices, response: Response) -> VersionStateAnswer:
+async def get_version_state(
+    name: Name, version: Version, services: TheServices, response: Response
+) -> VersionStateAnswer:
     """Published, archived or deleted; since when, by whom and why. A change sends the `ETag` as `If-Match`."""
     require_name(name)
     return await _answer(services, name, version, response)
@@ -89,7 +91,7 @@ async def get_state(name: Name, version: Version, services: TheServices, respons
     summary="Archive a version",
     responses=problem_responses(*_WRITE_PROBLEMS, *_BODY_PROBLEMS, Slug.VERSION_IN_USE) | {200: {"headers": _ETAG}},
 )
-async def archive(
+async def archive_version(
     name: Name,
     version: Version,
     actor: Admin,
@@ -114,7 +116,7 @@ async def archive(
     summary="Restore an archived version",
     responses=problem_responses(*_WRITE_PROBLEMS, *_BODY_PROBLEMS) | {200: {"headers": _ETAG}},
 )
-async def restore(
+async def restore_version(
     name: Name,
     version: Version,
     actor: Admin,
@@ -135,7 +137,7 @@ async def restore(
     summary="Delete a version",
     responses=problem_responses(*_WRITE_PROBLEMS, Slug.VERSION_IN_USE) | {200: {"headers": _ETAG}},
 )
-async def delete(
+async def delete_version(
     name: Name,
     version: Version,
     actor: Admin,

@@ -1,0 +1,1 @@
+"""Clients of other projects against the service, as docs/clients.md shows them: `make other-clients`."""
