@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from service.datasets.checks.candidate import Candidate
 from service.datasets.checks.validate import Fingerprint, check_duplicates, check_run, check_slopes, fingerprint
-from service.datasets.findings import Code, Finding, UnusableFileError, reject
+from service.datasets.findings import Code, Finding, UnusableFileError, reject, told_too
 from service.datasets.passport import Passport
 from service.datasets.readers.column_map import ColumnMap, resolve
 from service.datasets.readers.table import Samples, Table, samples_of
@@ -106,9 +106,14 @@ def run_in(table: Table, passport: Passport, column_map: ColumnMap | None) -> Sa
     if len(table.lines) > MAX_ROWS_PER_RUN:
         message = f"{len(table.lines)} rows in one run, allowed are at most {MAX_ROWS_PER_RUN}"
         raise UnusableFileError([reject(table.file, Code.TOO_LARGE, message)])
-    found = resolve(names_of(table, passport), table.width, column_map, file=table.file)
-    columns = dict(zip(found.indices, table.numbers(list(found.indices.values())), strict=True))
-    samples = samples_of(columns, table.lines, file=table.file, zero_start=found.zero_start)
+    noticed: tuple[Finding, ...] = ()
+    try:
+        found = resolve(names_of(table, passport), table.width, column_map, file=table.file)
+        noticed = found.findings
+        columns = dict(zip(found.indices, table.numbers(list(found.indices.values())), strict=True))
+        samples = samples_of(columns, table.lines, file=table.file, zero_start=found.zero_start)
+    except UnusableFileError as error:
+        raise told_too(error, (*table.noticed, *noticed)) from error
     return replace(samples, findings=(*table.noticed, *found.findings, *samples.findings))
 
 

@@ -11,7 +11,8 @@ from pathlib import PurePosixPath
 
 from service.datasets.columns import meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
-from service.datasets.readers.numbers import NO_VALUE, number
+from service.datasets.readers.decimal_comma import Commas, commas_in, told
+from service.datasets.readers.numbers import AROUND, NO_VALUE, number
 from service.datasets.readers.text_header import header_above
 from service.datasets.readers.text_lines import split_text
 from service.datasets.run import MAX_RUNS
@@ -64,8 +65,9 @@ def parse_run_table(data: bytes) -> tuple[list[RunEntry], list[Finding]]:
     columns, ignored = _columns(names)
     findings += ignored
     entries: list[RunEntry] = []
-    for line, cells in zip(text.lines.tolist(), text.rows(), strict=True):
-        cells = [cell.strip() for cell in cells]
+    rows = [[cell.strip() for cell in cells] for cells in text.rows()]
+    findings += _with_points(rows, [index for name, index in columns.items() if name not in ("file", "set")])
+    for line, cells in zip(text.lines.tolist(), rows, strict=True):
         if len(cells) < len(names) or any(cells[len(names) :]):
             message = f"{len(cells)} values, the header names {len(names)} columns"
             findings.append(reject(FILE, Code.RAGGED_ROW, message, row=line))
@@ -75,6 +77,17 @@ def parse_run_table(data: bytes) -> tuple[list[RunEntry], list[Finding]]:
         if entry is not None:
             entries.append(entry)
     return entries, findings
+
+
+def _with_points(rows: list[list[str]], indices: Sequence[int]) -> list[Finding]:
+    """Decimal commas in these columns become points, beyond doubt only; a word about it."""
+    numbers = [row[index].strip(AROUND) for row in rows for index in indices if index < len(row)]
+    if commas_in(lambda pattern: any(re.search(pattern, cell) for cell in numbers)) is not Commas.DECIMAL:
+        return []
+    for row in rows:
+        for index in indices:
+            row[index : index + 1] = [cell.replace(",", ".") for cell in row[index : index + 1]]
+    return [told(FILE, next(cell for cell in numbers if "," in cell))]
 
 
 def _columns(names: Sequence[str]) -> tuple[dict[str, int], list[Finding]]:
@@ -136,7 +149,8 @@ def _cell(text: str, name: str, line: int) -> tuple[float | None, Finding | None
     try:
         value = number(text)
     except ValueError:
-        return no(Code.NOT_A_NUMBER, f"{text[:40]!r} is not a number")
+        doubtful = Commas.DOUBTFUL if "," in text else ""
+        return no(Code.NOT_A_NUMBER, f"{text[:40]!r} is not a number{doubtful}")
     if not math.isfinite(value):
         return no(Code.NON_FINITE, f"{text[:40]!r} is not finite")
     problem = scenario_fault(name, value, text) if name in SCENARIO_LIMITS else None

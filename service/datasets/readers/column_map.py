@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from service.datasets.columns import BY_NAME, MAX_COLUMNS, REQUIRED, meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.units import mapped_in_another_unit, missing_in_another_unit
 from service.errors import InvalidValueError
 
 
@@ -99,17 +100,20 @@ def resolve(
         name: _locate(source, names, count, name, file) for name, source in chosen.sources.items()
     }  # fmt: skip
     named = {} if chosen is not None and chosen.signature else _by_name(names, labels)
+    wrong = mapped_in_another_unit(mapped, names, file)
     clashes = [
         _clash(name, [names[index] for index in several], file)
         for name, several in named.items()
         if names and len(several) > 1 and name not in mapped
     ]
-    if clashes:
-        raise UnusableFileError(clashes)
+    if clashes or wrong:
+        raise UnusableFileError([*clashes, *wrong])
     indices = {name: several[0] for name, several in named.items()} | mapped
     missing = [name for name in REQUIRED if name not in indices]
     if missing:
-        raise UnusableFileError([_missing(name, names, count, file) for name in missing])
+        there = list(missing_in_another_unit(missing, names, file))
+        absent = [name for name in missing if name not in {finding.column for finding in there}]
+        raise UnusableFileError([*there, *(_missing(name, names, count, file) for name in absent)])
     findings: list[Finding] = []
     if preset is not None:
         what = ", ".join(f"{name} is {source!r}" for name, source in PRESETS[preset].sources.items())

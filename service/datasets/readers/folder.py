@@ -17,7 +17,7 @@ from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
 from service.datasets.readers.column_map import ColumnMap
 from service.datasets.readers.source import DEFAULT_MAX_BYTES, read_bounded
 from service.datasets.readers.table import Samples
-from service.datasets.readers.text_lines import COMMENTS
+from service.datasets.readers.text_preamble import COMMENTS
 from service.datasets.readers.text_table import TextTable, parse_text
 from service.datasets.report import ValidationReport
 from service.datasets.run import Dataset
