@@ -14,7 +14,7 @@ from service.datasets import read_parquet
 from service.training.stored_dataset import RUNS_FILE
 
 NAMES = ("time_s", "rear_x_m", "rear_y_m", "speed_mps")
-ROWS = 64
+ROWS = 48
 MASS_KG = 1430.0  # four digits, so that thousands can be separated
 TORQUE_NM = 60.0
 _STORE = Path(__file__).parents[3] / "model_store"

@@ -17,7 +17,7 @@ from tests.datasets.messy.sheet import as_run_table, of_file, of_run_table
 from tests.datasets.messy.writing import written
 
 SEED = 13
-FURTHER = 2000
+FURTHER = 1000
 """How many files differ from the clean one in three to six ways."""
 
 
@@ -59,12 +59,31 @@ def every_way() -> list[dict[str, str]]:
     chosen += [{axis: value} for axis, each in values.items() for value in each]
     for one, other in itertools.combinations(values, 2):
         chosen += [{one: a, other: b} for a in values[one] for b in values[other]]
+    chosen += _traps()
     drawn = random.Random(SEED)
     for _ in range(FURTHER):
         axes = drawn.sample(list(values), drawn.randint(3, 6))
         chosen.append({axis: drawn.choice(values[axis]) for axis in axes})
     ways = map(_whole, chosen)
     return [json.loads(each) for each in dict.fromkeys(json.dumps(each) for each in ways if is_possible(each))]
+
+
+def _traps() -> Iterator[dict[str, str]]:
+    """Ways that hide each other: a name or a cell that is not there, beside delimiters that leave no trace of it."""
+    for delimiter, index, extra, place, trailing in itertools.product(
+        ("comma", "tab", "space", "aligned"),
+        ("none", "no name above", "empty name"),
+        ("empty", "half empty", "counts"),
+        ("last", "first", "middle"),
+        ("none", "one"),
+    ):
+        yield {"delimiter": delimiter, "index": index, "extra": extra, "place": place, "trailing": trailing}
+    for carrier, number, mark, trailing in itertools.product(
+        ("long", "archive, runs.csv alike"), ("1,0", "1,0 and 1.430", "1.0 and 1,430"), ("comma", "semicolon", "tab"),
+        ("none", "one", "two"),
+    ):  # fmt: skip
+        for extra in ("none", "empty", "text"):
+            yield {"carrier": carrier, "number": number, "delimiter": mark, "trailing": trailing, "extra": extra}
 
 
 def files(shard: int = 0, shards: int = 1) -> Iterator[MessyFile]:

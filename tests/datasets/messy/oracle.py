@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from service.datasets import RejectedDatasetError
+from service.datasets import RejectedDatasetError, Run
 from service.datasets.uploads.upload import read_upload
 from service.datasets.uploads.upload_form import UploadForm
 from tests.datasets.messy.axes import ARCHIVES, LONG, TOGETHER, VALUES, WITHOUT_NAMES
@@ -28,15 +28,15 @@ class Verdict:
 class Read:
     """What the intake made of a file: runs by name, and findings as (code, severity, message)."""
 
-    runs: tuple
+    runs: tuple[Run, ...]
     findings: tuple[tuple[str, str, str], ...]
 
 
 def read(file, folder: Path) -> Read:
-    """The intake's answer, as over HTTP and on the command line. `folder` is empty before and after."""
+    """The intake's answer, as over HTTP and on the command line. Whatever is unpacked in `folder` is removed."""
     path, workspace = folder / "stored", folder / "workspace"
     path.write_bytes(file.data)
-    workspace.mkdir()
+    workspace.mkdir(exist_ok=True)
     try:
         dataset, report = read_upload(
             path, filename="upload", workspace=workspace, form=UploadForm(passport=passport(), **file.form)
@@ -44,8 +44,8 @@ def read(file, folder: Path) -> Read:
         runs = dataset.runs
     except RejectedDatasetError as error:
         runs, report = (), error.report
-    shutil.rmtree(workspace)
-    path.unlink()
+    if any(workspace.iterdir()):
+        shutil.rmtree(workspace)
     found = ((str(each.code), str(each.severity), f"{each.column or ''}: {each.message}") for each in report.findings)
     return Read(runs, tuple(found))
 
