@@ -11,6 +11,7 @@ from pathlib import PurePosixPath
 
 from service.datasets.columns import meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.given import Given
 from service.datasets.readers.decimal_comma import Commas, commas_in, told
 from service.datasets.readers.numbers import AROUND, NO_VALUE, number
 from service.datasets.readers.text_header import header_above
@@ -46,8 +47,10 @@ class RunEntry:
     line: int
 
 
-def parse_run_table(data: bytes) -> tuple[list[RunEntry], list[Finding]]:
+def parse_run_table(data: bytes, given: Given | None = None) -> tuple[list[RunEntry], list[Finding]]:
     """Entries that are usable, and findings about lines that are not, or that were skipped.
+
+    Mass, horizon and set that a line does not say are those of `given`.
 
     Raises DatasetError when the table as a whole cannot be used (no header, missing columns, a column twice, no lines).
     """
@@ -62,7 +65,8 @@ def parse_run_table(data: bytes) -> tuple[list[RunEntry], list[Finding]]:
     if len(text.lines) > MAX_RUNS:
         raise DatasetError(f"{FILE} lists {len(text.lines)} runs, allowed are 1..{MAX_RUNS}")
     names, findings = header_above(text, file=FILE)
-    columns, ignored = _columns(names)
+    given = given or Given()
+    columns, ignored = _columns(names, [name for name in _REQUIRED if name not in given.values])
     findings += ignored
     entries: list[RunEntry] = []
     rows = [[cell.strip() for cell in cells] for cells in text.rows()]
@@ -72,7 +76,7 @@ def parse_run_table(data: bytes) -> tuple[list[RunEntry], list[Finding]]:
             message = f"{len(cells)} values, the header names {len(names)} columns"
             findings.append(reject(FILE, Code.RAGGED_ROW, message, row=line))
             continue
-        entry, problems = _entry({name: cells[index] for name, index in columns.items()}, line)
+        entry, problems = _entry({name: cells[index] for name, index in columns.items()}, line, given)
         findings += problems
         if entry is not None:
             entries.append(entry)
@@ -90,7 +94,7 @@ def _with_points(rows: list[list[str]], indices: Sequence[int]) -> list[Finding]
     return [told(FILE, next(cell for cell in numbers if "," in cell))]
 
 
-def _columns(names: Sequence[str]) -> tuple[dict[str, int], list[Finding]]:
+def _columns(names: Sequence[str], required: Sequence[str]) -> tuple[dict[str, int], list[Finding]]:
     """Which column is which, and what is not used. Raises DatasetError."""
     found: dict[str, int] = {}
     ignored: list[str] = []
@@ -104,7 +108,7 @@ def _columns(names: Sequence[str]) -> tuple[dict[str, int], list[Finding]]:
             )
         else:
             found[meaning] = index
-    missing = [name for name in _REQUIRED if name not in found]
+    missing = [name for name in required if name not in found]
     if missing:
         raise DatasetError(
             f"{FILE} has no column {', '.join(missing)}; its header is {list(names)}, "
@@ -115,11 +119,13 @@ def _columns(names: Sequence[str]) -> tuple[dict[str, int], list[Finding]]:
     return found, [warn(FILE, Code.IGNORED_COLUMN, message)] if ignored else []
 
 
-def _entry(cells: dict[str, str], line: int) -> tuple[RunEntry | None, list[Finding]]:
+def _entry(cells: dict[str, str], line: int, given: Given) -> tuple[RunEntry | None, list[Finding]]:
     findings: list[Finding] = []
     numbers: dict[str, float | None] = {}
     for name in (*SCENARIO_LIMITS, "step_s"):
-        numbers[name], problem = _cell(cells.get(name, ""), name, line)
+        text = cells.get(name, "")
+        fallback = given.value(name) if text in NO_VALUE and name in ("mass_kg", "horizon_s") else None
+        numbers[name], problem = (fallback, None) if fallback is not None else _cell(text, name, line)
         findings += [problem] if problem else []
     file = as_listed(cells.get("file", ""))
     if unsafe_path(file):
@@ -131,7 +137,7 @@ def _entry(cells: dict[str, str], line: int) -> tuple[RunEntry | None, list[Find
     if "\\" in cells["file"]:
         message = f"{cells['file']!r} is read as {file!r}: \\ is what separates folders elsewhere"
         findings.append(warn(FILE, Code.RENAMED, message, row=line, column="file"))
-    set_name = cells.get("set") or "default"
+    set_name = cells.get("set") or given.name_of_set()
     return RunEntry(file, set_name, slope, mass, torque, numbers["horizon_s"], numbers["step_s"], line), findings
 
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from service.datasets.columns import REQUIRED, meaning_of
+from service.datasets.columns import BY_NAME, REQUIRED, meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.readers.numbers import is_number, number
 from service.datasets.readers.text_lines import SplitText, split_row
@@ -59,8 +59,9 @@ def header_of(text: SplitText, *, file: str = "file") -> Header:
 def header_above(text: SplitText, *, file: str) -> tuple[tuple[str, ...], list[Finding]]:
     """The names of a table that must have a header, whatever its rows are: the reading that says most."""
     line, at = text.header, None
-    if line is None and text.comments and text.comments[-1][0] < text.lines[0]:
-        at, line = text.comments[-1][0], text.comments[-1][1].lstrip("#/%! \t")
+    before = [(at, line) for at, line in text.comments if at < text.lines[0]]
+    if line is None and before:
+        at, line = before[-1][0], before[-1][1].lstrip("#/%! \t")
     readings = list(_readings(line, text)) if line is not None else [()]
     names = max(readings, key=lambda names: sum(meaning_of(name) is not None for name in names))
     if all(len(row) == len(names) + 1 and row[-1].strip() for row in text.rows()) and _has_row_names(text):
@@ -72,20 +73,12 @@ def _from_header(text: SplitText, header: str, least: int, cells: int, file: str
     readings = list(_readings(header, text))
     noticed = _comments(text, file)
     for names in readings:
-        if _fits(names, least, cells):
-            meanings = [meaning_of(name) for name in names]
-            shifted = "time_s" in meanings and _may_be_shifted(text, meanings.index("time_s"))
-            if shifted and meanings[0] == "time_s" and len(split_row(header, text.delimiter)) < cells:
+        if _fits(names, least, cells) and not (text.delimiter != " " and any(text.delimiter in name for name in names)):
+            shifted = _may_be_shifted(text, names)
+            if shifted is not None and len(split_row(header, text.delimiter)) < cells:
                 break
-            if shifted and text.delimiter == " ":  # where a cell without a value leaves no trace
-                message = "counts the rows: {}; write 0.0 for a time, or a name above row names"
-                name = names[meanings.index("time_s")]
-                if any(each not in REQUIRED for each in meanings):
-                    message = message.format("it may hold row names, and another column no values")
-                    found = reject(file, Code.HEADER_MISMATCH, message, row=int(text.lines[0]), column=name)
-                    raise UnusableFileError([found, *noticed])
-                message = message.format("times, or row names?")
-                noticed = (*noticed, warn(file, Code.HEADER_MISMATCH, message, column=name))
+            if shifted is not None and text.delimiter == " ":  # where a cell without a value leaves no trace
+                noticed = (*noticed, _counting(text, names, shifted, file, noticed))
             _require_no_thousands(text, names, file)
             return Header(names, len(names), noticed)
     of_rows = (names for names in readings[: 1 if text.delimiter != " " else None] if len(names) == least - 1)
@@ -177,17 +170,35 @@ def _counts(cells: Iterable[str]) -> bool:
     return True
 
 
-def _may_be_shifted(text: SplitText, at: int) -> bool:
-    """Whether the first column and the one at `at`, said to be time, may count rows, and the next one be the time.
+def _may_be_shifted(text: SplitText, names: Sequence[str]) -> str | None:
+    """The name of a column that seems to count rows, where the first column does so: the names may be one off.
 
-    Few rows are no run.
+    A time may be whole numbers, unless what follows it may be the time. Few rows are no run.
     """
-    if len(text.lines) < _FEW or not _counts(text.first[:1]) or not _counts(text.first[at : at + 1]):
-        return False
-    if not all(_counts(column) for column in zip(*((row[0], *row[at : at + 1]) for row in text.rows()), strict=False)):
-        return False
-    later = [row[at + 1].replace(",", ".") if len(row) > at + 1 else "" for row in text.rows()]
-    return all(map(is_number, later)) and all(number(one) < number(other) for one, other in itertools.pairwise(later))
+    if len(text.lines) < _FEW or not _counts(text.first[:1]) or not _counts(row[0] for row in text.rows()):
+        return None
+    for at, name in enumerate(names):
+        meaning = meaning_of(name)
+        if meaning in BY_NAME and _counts(text.first[at : at + 1]) and _counts(_column(text, at)):
+            later = [cell.replace(",", ".") for cell in _column(text, at + 1)]
+            in_order = all(map(is_number, later)) and all(number(a) < number(b) for a, b in itertools.pairwise(later))
+            if meaning != "time_s" or in_order:
+                return name
+    return None
+
+
+def _column(text: SplitText, at: int) -> Iterator[str]:
+    return (row[at] if len(row) > at else "" for row in text.rows())
+
+
+def _counting(text: SplitText, names: Sequence[str], name: str, file: str, noticed: Sequence[Finding]) -> Finding:
+    """A word about a column that counts rows. Raises UnusableFileError where another one may have no values."""
+    message = "counts the rows: {}; write 0.0 for a time, or a name above row names"
+    if all(meaning_of(each) in REQUIRED for each in names):
+        return warn(file, Code.HEADER_MISMATCH, message.format("times, or row names?"), column=name)
+    message = message.format("the first one may hold row names, and another one no values")
+    found = reject(file, Code.HEADER_MISMATCH, message, row=int(text.lines[0]), column=name)
+    raise UnusableFileError([found, *noticed])
 
 
 def _comments(text: SplitText, file: str, without: int | None = None) -> tuple[Finding, ...]:

@@ -246,8 +246,8 @@ def _delimiter(body: bytes, header: str | None, mark: str | None) -> str:
         ]
         if alike:
             return max(alike, key=lambda mark: widths[mark][0][1])
-        cells = row.split()
-        if len(cells) == len(header.split()) > 1 and not any(cell.endswith(_DELIMITERS) for cell in cells):
+        cells = split_row(row, " ")
+        if len(cells) == len(split_row(header, " ")) > 1 and not any(cell.endswith(_DELIMITERS) for cell in cells):
             return " "
     around = [mark for mark in (";", "|", "\t", " ") if _makes_decimals(split_row(row, mark))]
     if around:
@@ -257,10 +257,12 @@ def _delimiter(body: bytes, header: str | None, mark: str | None) -> str:
 
 
 def _makes_decimals(cells: Sequence[str]) -> bool:
-    """Whether these cells are whole numbers and numbers with one comma, and at least one of the latter."""
+    """Whether two of these cells or more are numbers with one comma, and no other one has a comma or a point."""
     filled = [cell.strip("\"' ") for cell in cells if cell.strip("\"' ")]
     others = [cell for cell in filled if not is_with_comma(cell)]
-    return len(filled) > 1 and len(others) < len(filled) and all(cell.lstrip("+-").isdecimal() for cell in others)
+    return len(filled) - len(others) > 1 and not any(
+        "," in cell or (is_number(cell) and "." in cell) for cell in others
+    )
 
 
 def _is_tabbed(row: str) -> bool:

@@ -42,8 +42,8 @@ def preamble_of(text: bytes, file: str) -> Preamble:
     """
     found = Preamble()
     for line, end in _lines(text, 0):
-        if line.startswith(COMMENTS):
-            found.comments.append((found.count + 1, line))
+        if line.lstrip().startswith(COMMENTS):
+            found.comments.append((found.count + 1, line.strip()))
         elif line.strip(NOTHING):
             break
         found.position, found.count = end, found.count + 1
@@ -63,11 +63,11 @@ def is_header(cells: Sequence[str]) -> bool:
 
 
 def _lines(text: bytes, position: int) -> Iterator[tuple[str, int]]:
-    """Each line, stripped, and where the next one begins."""
+    """Each line without spaces around it, and where the next one begins. Tabs stay: they make cells."""
     while position < len(text):
         end = text.find(b"\n", position)
         end = len(text) if end < 0 else end
-        yield text[position:end].decode().strip(), end + 1
+        yield text[position:end].decode().strip(" "), end + 1
         position = end + 1
 
 

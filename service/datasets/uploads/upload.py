@@ -19,6 +19,7 @@ from service.datasets.checks.validate import check_entries, check_passport
 from service.datasets.columns import canonical_name
 from service.datasets.file_names import upload_name
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, told_too, warn
+from service.datasets.given import Given
 from service.datasets.intake import Intake, Progress, run_in
 from service.datasets.parquet import read_parquet, unknown_columns
 from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
@@ -155,15 +156,17 @@ class _UploadReader:
         stored = next((each / PASSPORT_FILE for each in above if (each / PASSPORT_FILE).is_file()), None)
         passport, told = self._passport(stored.read_bytes() if stored else None)
         mapping, of_map = self._column_map(passport)
+        given = Given(self.form.scenario(), self.form.set_name)
         try:
-            table = parse_run_table((folder / RUN_TABLE).read_bytes())
+            table = parse_run_table((folder / RUN_TABLE).read_bytes(), given)
+        except UnusableFileError as error:
+            raise told_too(error, noticed) from error
         except DatasetError as error:
             raise UnusableFileError([reject(RUN_TABLE, Code.RUN_TABLE, str(error))]) from error
         elsewhere = [each for each in unlisted_in(root, [], folder.relative_to(root).as_posix())
                      if not (root / each.file).is_relative_to(folder) and root / each.file != stored]  # fmt: skip
-        unused = self._unused((*SCENARIO_LIMITS, "set_name"), f"{RUN_TABLE} and its files say it")
         intake = Intake(passport, max_rows=self.limits.rows)
-        intake.findings += [*noticed, *told, *of_map, *unused, *elsewhere]
+        intake.findings += [*noticed, *told, *of_map, *elsewhere]
         offered = take_listed(
             intake,
             folder,
@@ -173,6 +176,7 @@ class _UploadReader:
             max_file_bytes=min(self.limits.file_bytes, 256 << 20),
             max_total_bytes=self.limits.total_bytes,
             progress=self.progress,
+            given=given,
         )
         return intake.conclude(self._name(file), offered, strict=self.form.strict)
 

@@ -24,9 +24,9 @@ def main(shown=20):
             seen.add(file.digest)
             try:
                 verdict = judged(file, read(file, Path(folder)))
-            except Exception as error:
+            except Exception:
                 print(file.chosen)
-                raise error
+                raise
             outcome = "WRONG" if verdict.complaint else verdict.outcome
             outcomes[outcome] += 1
             for each in file.ways.items():

@@ -159,20 +159,28 @@ class Together:
         return all(ways[axis] in values for axis, values in self.when.items())
 
 
-_MORE_CELLS = (("ragged-row", "values"), ("header-mismatch", "does not name the|names fewer columns|between thousands"),
-               NO_HEADER)
+_MORE_CELLS = (
+    ("ragged-row", "values"),
+    ("header-mismatch", "does not name the|names fewer columns|between thousands"),
+    NO_HEADER,
+)
 _UNQUOTED = ("none", "header", "texts", "single")
 _FEWER_CELLS = (("ragged-row", "values, the"), ("header-mismatch", "does not name the|counts the rows"))
 _SHIFTED = (("header-mismatch", "names fewer columns|counts the rows|does not name the"),)
 
 TOGETHER: tuple[Together, ...] = (
     # an unquoted comma ends a cell
-    Together({"number": ("1,0",), "delimiter": COMMAS, "quoting": _UNQUOTED}, _MORE_CELLS, must=True),
-    Together({"number": ("1,0",), "delimiter": COMMAS, "header": ("none, mapped",)},
-             (("out-of-range", "another column"), ("time-duplicate", "repeats the time"))),
+    Together({"number": ("1,0",), "delimiter": COMMAS, "quoting": _UNQUOTED[:-1]}, _MORE_CELLS, must=True),
+    Together({"number": ("1,0",), "delimiter": COMMAS, "quoting": ("single",)}, _MORE_CELLS),
+    Together(
+        {"number": ("1,0",), "delimiter": COMMAS, "header": ("none, mapped",)},
+        (("out-of-range", "another column"), ("time-duplicate", "repeats the time")),
+    ),
     Together({"number": ("1,0 and 1.430", "1.0 and 1,430"), "delimiter": COMMAS, "quoting": _UNQUOTED}, _MORE_CELLS),
-    Together({"number": ("1,0", "1,0 and 1.430", "1.0 and 1,430"), "delimiter": COMMAS, "header": ("in a comment",)},
-             (("scenario-missing", "does not tell its scenario"),)),
+    Together(
+        {"number": ("1,0", "1,0 and 1.430", "1.0 and 1,430"), "delimiter": COMMAS, "header": ("in a comment",)},
+        (("scenario-missing", "does not tell its scenario"),),
+    ),
     # spaces leave no trace of a cell without a value, and words make several names
     Together({"delimiter": SPACED, "extra": ("half empty", "empty")}, _FEWER_CELLS),
     Together({"delimiter": SPACED, "hole": ("empty",)}, _FEWER_CELLS),
@@ -181,12 +189,20 @@ TOGETHER: tuple[Together, ...] = (
     # neither a name above the row names nor a value in the last column
     Together({"index": ("no name above", "empty name"), "extra": ("empty", "half empty")}, _SHIFTED),
     # quotes that are not those of CSV
-    Together({"quoting": ("single",), "extra": ("delimiter in quotes", "several lines", "thousands")},
-             (*_MORE_CELLS, *_FEWER_CELLS)),
-    Together({"header": ("in a comment",), "extra": ("like comments",)}, (("empty-file", "begin as comments do"),)),
+    Together(
+        {"quoting": ("single",), "extra": ("delimiter in quotes", "several lines", "thousands")},
+        (*_MORE_CELLS, *_FEWER_CELLS),
+    ),
+    Together(
+        {"header": ("in a comment", *WITHOUT_NAMES), "extra": ("like comments",)},
+        (("empty-file", "begin as comments do"),),
+    ),
     Together({"header": ("own names, mapped", "none, mapped"), "extra": ("rear_x_m again",)}, may=("ignored-column",)),
     # without names there is no word about units either, but for the numbers themselves
-    Together({"header": ("none, mapped",), "units": ("mm by name", "cm by name", "ms by name")},
-             (("units", "looks like"), ("out-of-range", "another unit")), must=True),
+    Together(
+        {"header": ("none, mapped",), "units": ("mm by name", "cm by name", "ms by name")},
+        (("units", "looks like"), ("out-of-range", "another unit")),
+        must=True,
+    ),
     Together({"carrier": ("archive, runs.csv alike",), "encoding": ("UTF-16, no mark",)}, (("run-table", "UTF-16"),)),
 )

@@ -102,7 +102,11 @@ def as_run_table(ways):
 
 
 def _arranged(columns, ways):
-    turn = {"usual": lambda each: each, "reversed": lambda each: each[::-1], "rotated": lambda each: each[2:] + each[:2]}
+    turn = {
+        "usual": lambda each: each,
+        "reversed": lambda each: each[::-1],
+        "rotated": lambda each: each[2:] + each[:2],
+    }
     columns = turn[ways["columns"]](columns)
     count = len(columns[0].cells)
     place = {"last": len(columns), "first": 0, "middle": 2}[ways["place"]]
@@ -124,8 +128,10 @@ def _named(columns, ways):
         column.header = column.header or _header(column.name, header)
     mapping = {}
     if header in ("own names, mapped", "none, mapped"):
-        mapping = {name: column.header if header.startswith("own") else at
-                   for at, column in enumerate(columns) for name in (_canonical(column.name),) if name and not column.is_extra}  # fmt: skip
+        for at, column in enumerate(columns):
+            name = _canonical(column.name)
+            if name and not column.is_extra:
+                mapping[name] = column.header if header.startswith("own") else at
     return Sheet(columns, mapping)
 
 
@@ -229,4 +235,3 @@ def _extra(ways):
         "thousands": [("load_n", lambda _: f"{quote}1,234.5{quote}", True)],
         "rear_x_m again": [("rear_x_m", lambda _: "0.5", False)],
     }[ways["extra"]]
-
