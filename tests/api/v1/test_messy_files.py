@@ -13,7 +13,7 @@ from tests.datasets.messy.oracle import judged, read
 
 DATASETS = "/v1/admin/datasets"
 SAMPLE = 60
-EACH = 6
+EACH = 5
 
 
 def sample():
