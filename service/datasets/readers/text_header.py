@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from service.datasets.columns import BY_NAME, REQUIRED, meaning_of
+from service.datasets.columns import REQUIRED, meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.readers.numbers import is_number, number
 from service.datasets.readers.text_lines import SplitText, split_row
@@ -179,7 +179,7 @@ def _may_be_shifted(text: SplitText, names: Sequence[str]) -> str | None:
         return None
     for at, name in enumerate(names):
         meaning = meaning_of(name)
-        if meaning in BY_NAME and _counts(text.first[at : at + 1]) and _counts(_column(text, at)):
+        if meaning is not None and _counts(text.first[at : at + 1]) and _counts(_column(text, at)):
             later = [cell.replace(",", ".") for cell in _column(text, at + 1)]
             in_order = all(map(is_number, later)) and all(number(a) < number(b) for a, b in itertools.pairwise(later))
             if meaning != "time_s" or in_order:

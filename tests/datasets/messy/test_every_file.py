@@ -33,7 +33,7 @@ def test_every_file_is_the_same_run_or_refused_with_its_reason(shard, tmp_path):
 
 @pytest.mark.slow
 def test_there_are_more_than_five_thousand_of_them():
-    assert len({file.digest for file in files()}) > 5000
+    assert len({file.digest for file in itertools.islice(files(), 5500)}) > 5000
 
 
 def test_every_pair_of_values_that_can_be_together_is_in_a_file():
