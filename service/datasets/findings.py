@@ -55,6 +55,7 @@ class Code(StrEnum):
     IGNORED_COLUMN = "ignored-column"
     EMPTY_COLUMN = "empty-column"
     ENCODING = "encoding"
+    DECIMAL_COMMA = "decimal-comma"
     COMMENT = "comment"
     PRESET = "preset"
     MISLABELLED = "mislabelled"
@@ -138,3 +139,8 @@ class UnusableFileError(DatasetError):
         shown = "; ".join(str(finding) for finding in self.findings[:3])
         more = len(self.findings) - 3
         super().__init__(shown + (f"; and {more} more" if more > 0 else ""))
+
+
+def told_too(error: UnusableFileError, noticed: Iterable[Finding]) -> UnusableFileError:
+    """The error with what was noticed before it: it may be the cause."""
+    return UnusableFileError(dict.fromkeys((*error.findings, *noticed)))

@@ -17,7 +17,7 @@ from service.datasets.checks.validate import (
     check_slopes,
     fingerprint,
 )
-from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.findings import Code, Finding, UnusableFileError, reject, told_too, warn
 from service.datasets.passport import PASSPORT_FILE, Passport
 from service.datasets.readers.column_map import ColumnMap, resolve
 from service.datasets.readers.headerless import suggestion
@@ -141,14 +141,17 @@ def run_in(table: Table, passport: Passport, column_map: ColumnMap | None, said:
     if len(table.lines) > MAX_ROWS_PER_RUN:
         message = f"{len(table.lines)} rows in one run, allowed are at most {MAX_ROWS_PER_RUN}"
         raise UnusableFileError([reject(table.file, Code.TOO_LARGE, message)])
+    noticed: tuple[Finding, ...] = ()
     names = names_of(table, passport)
     try:
         found = resolve(names, table.width, column_map, file=table.file, front=said.is_of_front)
+        noticed = found.findings
+        columns = dict(zip(found.indices, table.numbers(list(found.indices.values())), strict=True))
+        samples = samples_of(columns, table.lines, file=table.file, zero_start=found.zero_start)
     except UnusableFileError as error:
         told = suggestion(table) if names is None and column_map is None else None
-        raise UnusableFileError([told, *error.findings]) if told else error from error
-    columns = dict(zip(found.indices, table.numbers(list(found.indices.values())), strict=True))
-    samples = samples_of(columns, table.lines, file=table.file, zero_start=found.zero_start)
+        known = told_too(error, (*table.noticed, *noticed))
+        raise UnusableFileError([told, *known.findings]) if told else known from error
     checked = {name: column.values for name, column in numbers_if_any(table, found.checked).items()}
     lies = check_labels(found.preset, columns["time_s"].values, checked, file=table.file)
     return replace(samples, findings=(*table.noticed, *found.findings, *lies, *samples.findings))

@@ -55,7 +55,9 @@ def make_report(
 
 def refused(findings: Sequence[Finding], what: str = "nothing in it can be used") -> RejectedDatasetError:
     """The error for an upload that cannot be read at all."""
-    return RejectedDatasetError(make_report((), tuple(dict.fromkeys(f.file for f in findings)), findings, None), what)
+    return RejectedDatasetError(
+        make_report((), tuple(dict.fromkeys(f.file for f in findings if f.rejects)), findings, None), what
+    )
 
 
 class RejectedDatasetError(DatasetError):

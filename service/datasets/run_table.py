@@ -11,7 +11,9 @@ from pathlib import PurePosixPath
 
 from service.datasets.columns import meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
-from service.datasets.readers.numbers import NO_VALUE, number
+from service.datasets.given import Given
+from service.datasets.readers.decimal_comma import Commas, commas_in, told
+from service.datasets.readers.numbers import AROUND, NO_VALUE, number
 from service.datasets.readers.text_header import header_above
 from service.datasets.readers.text_lines import split_text
 from service.datasets.run import MAX_RUNS
@@ -45,8 +47,10 @@ class RunEntry:
     line: int
 
 
-def parse_run_table(data: bytes) -> tuple[list[RunEntry], list[Finding]]:
+def parse_run_table(data: bytes, given: Given | None = None) -> tuple[list[RunEntry], list[Finding]]:
     """Entries that are usable, and findings about lines that are not, or that were skipped.
+
+    Mass, horizon and set that a line does not say are those of `given`.
 
     Raises DatasetError when the table as a whole cannot be used (no header, missing columns, a column twice, no lines).
     """
@@ -61,23 +65,36 @@ def parse_run_table(data: bytes) -> tuple[list[RunEntry], list[Finding]]:
     if len(text.lines) > MAX_RUNS:
         raise DatasetError(f"{FILE} lists {len(text.lines)} runs, allowed are 1..{MAX_RUNS}")
     names, findings = header_above(text, file=FILE)
-    columns, ignored = _columns(names)
+    given = given or Given()
+    columns, ignored = _columns(names, [name for name in _REQUIRED if name not in given.values])
     findings += ignored
     entries: list[RunEntry] = []
-    for line, cells in zip(text.lines.tolist(), text.rows(), strict=True):
-        cells = [cell.strip() for cell in cells]
+    rows = [[cell.strip() for cell in cells] for cells in text.rows()]
+    findings += _with_points(rows, [index for name, index in columns.items() if name not in ("file", "set")])
+    for line, cells in zip(text.lines.tolist(), rows, strict=True):
         if len(cells) < len(names) or any(cells[len(names) :]):
             message = f"{len(cells)} values, the header names {len(names)} columns"
             findings.append(reject(FILE, Code.RAGGED_ROW, message, row=line))
             continue
-        entry, problems = _entry({name: cells[index] for name, index in columns.items()}, line)
+        entry, problems = _entry({name: cells[index] for name, index in columns.items()}, line, given)
         findings += problems
         if entry is not None:
             entries.append(entry)
     return entries, findings
 
 
-def _columns(names: Sequence[str]) -> tuple[dict[str, int], list[Finding]]:
+def _with_points(rows: list[list[str]], indices: Sequence[int]) -> list[Finding]:
+    """Decimal commas in these columns become points, beyond doubt only; a word about it."""
+    numbers = [row[index].strip(AROUND) for row in rows for index in indices if index < len(row)]
+    if commas_in(lambda pattern: any(re.search(pattern, cell) for cell in numbers)) is not Commas.DECIMAL:
+        return []
+    for row in rows:
+        for index in indices:
+            row[index : index + 1] = [cell.replace(",", ".") for cell in row[index : index + 1]]
+    return [told(FILE, next(cell for cell in numbers if "," in cell))]
+
+
+def _columns(names: Sequence[str], required: Sequence[str]) -> tuple[dict[str, int], list[Finding]]:
     """Which column is which, and what is not used. Raises DatasetError."""
     found: dict[str, int] = {}
     ignored: list[str] = []
@@ -91,7 +108,7 @@ def _columns(names: Sequence[str]) -> tuple[dict[str, int], list[Finding]]:
             )
         else:
             found[meaning] = index
-    missing = [name for name in _REQUIRED if name not in found]
+    missing = [name for name in required if name not in found]
     if missing:
         raise DatasetError(
             f"{FILE} has no column {', '.join(missing)}; its header is {list(names)}, "
@@ -102,11 +119,13 @@ def _columns(names: Sequence[str]) -> tuple[dict[str, int], list[Finding]]:
     return found, [warn(FILE, Code.IGNORED_COLUMN, message)] if ignored else []
 
 
-def _entry(cells: dict[str, str], line: int) -> tuple[RunEntry | None, list[Finding]]:
+def _entry(cells: dict[str, str], line: int, given: Given) -> tuple[RunEntry | None, list[Finding]]:
     findings: list[Finding] = []
     numbers: dict[str, float | None] = {}
     for name in (*SCENARIO_LIMITS, "step_s"):
-        numbers[name], problem = _cell(cells.get(name, ""), name, line)
+        text = cells.get(name, "")
+        fallback = given.value(name) if text in NO_VALUE and name in ("mass_kg", "horizon_s") else None
+        numbers[name], problem = (fallback, None) if fallback is not None else _cell(text, name, line)
         findings += [problem] if problem else []
     file = as_listed(cells.get("file", ""))
     if unsafe_path(file):
@@ -118,7 +137,7 @@ def _entry(cells: dict[str, str], line: int) -> tuple[RunEntry | None, list[Find
     if "\\" in cells["file"]:
         message = f"{cells['file']!r} is read as {file!r}: \\ is what separates folders elsewhere"
         findings.append(warn(FILE, Code.RENAMED, message, row=line, column="file"))
-    set_name = cells.get("set") or "default"
+    set_name = cells.get("set") or given.name_of_set()
     return RunEntry(file, set_name, slope, mass, torque, numbers["horizon_s"], numbers["step_s"], line), findings
 
 
@@ -136,7 +155,8 @@ def _cell(text: str, name: str, line: int) -> tuple[float | None, Finding | None
     try:
         value = number(text)
     except ValueError:
-        return no(Code.NOT_A_NUMBER, f"{text[:40]!r} is not a number")
+        doubtful = Commas.DOUBTFUL if "," in text else ""
+        return no(Code.NOT_A_NUMBER, f"{text[:40]!r} is not a number{doubtful}")
     if not math.isfinite(value):
         return no(Code.NON_FINITE, f"{text[:40]!r} is not finite")
     problem = scenario_fault(name, value, text) if name in SCENARIO_LIMITS else None

@@ -66,6 +66,49 @@ def test_validate_tells_and_stores_nothing(tmp_path):
     assert "non-finite" in call("datasets", "validate", bad).out
 
 
+def test_validate_takes_a_file_as_an_upload_would_be(tmp_path):
+    folder = write_runs(tmp_path / "runs")
+    run, scenario = folder / "runs" / "s20.csv.gz", ("--slope-deg", "20", "--mass-kg", "430", "--torque-nm", "60")
+    told = call("datasets", "validate", run, *scenario, "--passport", folder / "passport.json", "--json")
+    assert (told.code, told.json["accepted"]) == (0, ["s20.csv.gz"])
+    bare = call("datasets", "validate", run, "--json")
+    assert bare.code == ExitCode.REFUSED
+    assert {each["code"] for each in bare.json["findings"]} == {"scenario-missing", "default-passport"}
+    packed = shutil.make_archive(str(tmp_path / "runs"), "zip", folder)
+    assert len(call("datasets", "validate", packed, "--json").json["accepted"]) == 4
+
+
+@pytest.mark.parametrize(
+    ("path", "words", "said"),
+    [("runs/runs/s20.csv.gz", ("--set", "steep"), "--set"), ("runs", ("--passport", "x"), "--passport"),
+     ("nothing", (), "does not exist")],
+)  # fmt: skip
+def test_validate_says_which_option_goes_with_what(path, words, said, tmp_path):
+    write_runs(tmp_path / "runs")
+    (tmp_path / "x").write_text("{}")
+    words = [tmp_path / "x" if word == "x" else word for word in words]
+    told = call("datasets", "validate", tmp_path / path, *words)
+    assert told.code == ExitCode.USAGE
+    assert said in told.error
+
+
+def test_options_fill_what_the_table_of_runs_does_not_say(tmp_path):
+    folder = write_runs(tmp_path / "runs")
+    table = folder / "runs.csv"
+    table.write_text("file,slope_deg\n" + "".join(f"runs/s{slope}.csv.gz,{slope}\n" for slope in (20, 22)))
+    assert call("datasets", "validate", folder).code != 0
+    told = call("datasets", "validate", folder, "--mass-kg", "430", "--torque-nm", "60", "--slope-deg", "3", "--json")
+    assert len(told.json["accepted"]) == 2
+    assert [each["column"] for each in told.json["findings"] if each["code"] == "ignored-field"] == ["slope_deg"]
+
+
+def test_a_file_is_not_imported_but_uploaded(tmp_path):
+    run = write_runs(tmp_path / "runs") / "runs" / "s20.csv.gz"
+    told = call("datasets", "import", run, "--name", "a", "--store", tmp_path / "store")
+    assert told.code == ExitCode.USAGE
+    assert "datasets upload" in told.error
+
+
 def test_a_drive_goes_in_thinned_and_out_and_in_again(tmp_path):
     folder, store = write_runs(tmp_path / "runs"), tmp_path / "store"
     time = np.linspace(0.0, 10.0, 401)

@@ -139,6 +139,23 @@ def as_text(index):
     return "start" if index < 5 else "drive"
 
 
+def with_units(write):
+    """A line of units below the header."""
+    units = {"s": "s", "m": "m", "mps": "m/s", "deg": "deg", "kg": "kg", "nm": "N m"}
+
+    def written(header, rows):
+        return write(
+            header,
+            [[units.get(name.strip("])").split("_")[-1].split("(")[-1].split("[")[-1], "") for name in header], *rows],
+        )
+
+    return written
+
+
+def decimal_commas(mark):
+    return spelled(joined(mark), cell=lambda text: text.replace(".", ","))
+
+
 COMMA, SPACE = joined(","), joined(" ")
 WAYS = [
     Way("commas", COMMA),
@@ -204,6 +221,17 @@ WAYS = [
     Way("rows of delimiters", between("{n}")),
     Way("rows of delimiters and spaces", between(" {n} ")),
     Way("rows of empty quotes", between('"",""')),
+    # tables of Excel in most of Europe, and lines above and below the header
+    Way("decimal commas, semicolons", decimal_commas(";"), ("decimal-comma",)),
+    Way("decimal commas, tabs", decimal_commas("\t"), ("decimal-comma",)),
+    Way("decimal commas, spaces", decimal_commas(" "), ("decimal-comma",)),
+    Way("decimal commas in quotes", spelled(joined(",", around='"'), cell=lambda text: text.replace(".", ",")),
+        ("decimal-comma",)),
+    Way("UTF-16, little end first", lambda h, r: COMMA(h, r).decode().encode("utf-16"), ("encoding",)),
+    Way("UTF-16, big end first", lambda h, r: b"\xfe\xff" + joined("\t", "\r\n")(h, r).decode().encode("utf-16-be"),
+        ("encoding",)),
+    Way("titles above the header", joined(",", before=["Climb, by hand", "", "on regolith"]), ("comment",)),
+    Way("a line of units below the header", with_units(COMMA), ("comment",)),
     # 20: Fortran
     Way("D exponents", spelled(SPACE, cell=fortran("D"))),
     Way("d exponents, commas", spelled(COMMA, cell=fortran("d"))),

@@ -30,10 +30,7 @@ class Upload:
 
 def upload(asked: Upload, store: ModelStore, actor: str, progress: Report) -> UploadResult:
     """Import the file. Raises RefusedError when it is rejected, UsageError for options that cannot be."""
-    given = {name: value for name, value in asked.fields.items() if value is not None}
-    if "passport" in given:
-        given["passport"] = _passport(given["passport"])
-    form = UploadForm(**given)
+    form = form_of(asked.fields)
     if not asked.file.is_file():
         raise UsageError(f"{asked.file} is no file; a folder is imported by `rover-twin datasets import`")
     try:
@@ -49,6 +46,14 @@ def upload(asked: Upload, store: ModelStore, actor: str, progress: Report) -> Up
     except RejectedDatasetError as error:
         tell_findings(error.report.findings)
         raise RefusedError(str(error)) from error
+
+
+def form_of(fields: Mapping[str, Any]) -> UploadForm:
+    """Options as the form of an upload. Raises UsageError for a passport that is none."""
+    given = {name: value for name, value in fields.items() if value is not None}
+    if "passport" in given:
+        given["passport"] = _passport(given["passport"])
+    return UploadForm(**given)
 
 
 def _passport(path: Path) -> dict[str, Any]:

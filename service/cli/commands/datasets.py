@@ -50,6 +50,19 @@ Columns = Annotated[
     ),
 ]
 
+SlopeOption = Annotated[float | None, typer.Option("--slope-deg", help="Slope, where the file does not say it.")]
+MassOption = Annotated[
+    float | None, typer.Option("--mass-kg", help="Mass of the rover, where the file does not say it.")
+]
+TorqueOption = Annotated[
+    float | None, typer.Option("--torque-nm", help="Stall torque per wheel, where the file does not say.")
+]
+HorizonOption = Annotated[float | None, typer.Option("--horizon-s", help="How long the run was meant to last.")]
+PassportOption = Annotated[
+    Path | None,
+    typer.Option("--passport", help="A passport.json that says what was simulated; wins over one in the file."),
+]
+
 
 @app.command("list")
 def list_datasets(store: options.Store = None, json: options.Json = False) -> None:
@@ -114,34 +127,45 @@ def preview_dataset(
 
 
 @app.command("validate")
-def validate_folder(
-    folder: Folder,
+def validate_runs(
+    path: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PATH",
+            help="Folder with runs.csv, passport.json and the files that runs.csv lists, or a file as for `upload`.",
+        ),
+    ],
     sets: Sets = None,
     column_map: Columns = None,
     frame: FrameWord = None,
     reference: ReferenceWord = None,
     start: StartWord = None,
+    slope_deg: SlopeOption = None,
+    mass_kg: MassOption = None,
+    torque_nm: TorqueOption = None,
+    horizon_s: HorizonOption = None,
+    passport: PassportOption = None,
     json: options.Json = False,
 ) -> None:
-    """Read a folder of Chrono runs and say, file by file, what can be used and why the rest cannot.
+    """Read a folder or a file of Chrono runs and say, file by file, what can be used and why the rest cannot.
 
-    Nothing is stored. Exit code 4 when any run is unusable.
+    Nothing is stored. A file gets the report of an upload's dry run. Exit code 4 when any run is unusable.
 
     Examples:
       rover-twin datasets validate my-runs
       rover-twin datasets validate my-runs --frame world --start 2.0
+      rover-twin datasets validate one.csv --slope-deg 20 --mass-kg 430 --torque-nm 60
+      rover-twin datasets validate my-runs.zip --json
     """
-    from service.datasets import RejectedDatasetError
-    from service.datasets import validate_folder as validate
+    from service.cli.actions.dataset_validation import validate
     from service.datasets.alignment import Alignment
 
-    mapping = read_column_map(column_map)
-    said = Alignment.said(frame=frame, reference=reference, start=start)
-    try:
-        with file_progress("reading") as progress:
-            report = validate(folder, sets=sets, column_map=mapping, said=said, progress=progress)
-    except RejectedDatasetError as error:
-        report = error.report
+    Alignment.said(frame=frame, reference=reference, start=start)  # refuses what is no such word
+    scenario = {"slope_deg": slope_deg, "mass_kg": mass_kg, "torque_nm": torque_nm, "horizon_s": horizon_s}
+    recorded = {"frame": frame, "reference": reference, "start": start}
+    fields = {"column_map": read_column_map(column_map), "passport": passport, **scenario, **recorded}
+    with file_progress("reading") as progress:
+        report = validate(path, fields, sets, progress)
     if json:
         print_json(report.as_json())
     else:
@@ -190,6 +214,8 @@ def import_runs(
 
     mapping = read_column_map(column_map)
     said = Alignment.said(frame=frame, reference=reference, start=start)
+    if folder.is_file():
+        raise UsageError(f"{folder} is a file; store it by `rover-twin datasets upload`")
     try:
         with file_progress("reading") as progress:
             record, report = import_folder(
@@ -227,16 +253,12 @@ def upload_file(
     ],
     name: Annotated[str | None, typer.Option(help="Name for people; without it, from the file's name.")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Read and validate, store nothing.")] = False,
-    slope_deg: Annotated[float | None, typer.Option(help="Slope of a file that does not say it.")] = None,
-    mass_kg: Annotated[float | None, typer.Option(help="Mass of the rover, where the file does not say it.")] = None,
-    torque_nm: Annotated[
-        float | None, typer.Option(help="Stall torque per wheel, where the file does not say.")
-    ] = None,
-    horizon_s: Annotated[float | None, typer.Option(help="How long the run was meant to last.")] = None,
+    slope_deg: SlopeOption = None,
+    mass_kg: MassOption = None,
+    torque_nm: TorqueOption = None,
+    horizon_s: HorizonOption = None,
     set_name: Annotated[str | None, typer.Option("--set", help="Set of the runs that name none.")] = None,
-    passport: Annotated[
-        Path | None, typer.Option(help="A passport.json that says what was simulated; wins over one in the file.")
-    ] = None,
+    passport: PassportOption = None,
     strict: Strict = False,
     column_map: Columns = None,
     frame: FrameWord = None,

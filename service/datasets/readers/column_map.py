@@ -9,6 +9,7 @@ from service.datasets.columns import BY_NAME, MAX_COLUMNS, REQUIRED, meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.readers.presets import DEMOS, Demo
 from service.datasets.readers.recognise import places, preset_of, told_by_header
+from service.datasets.units import mapped_in_another_unit, missing_in_another_unit
 from service.errors import InvalidValueError
 
 
@@ -95,19 +96,22 @@ def resolve(
         name: at[source] if source in at else _locate(source, names, count, name, file)
         for name, source in chosen.sources.items()
     }  # fmt: skip
+    wrong = mapped_in_another_unit(mapped, names, file)
     clashes = [
         _clash(name, [names[index] for index in several], file)
         for name, several in named.items()
         if names and len(several) > 1 and name not in mapped
     ]
-    if clashes:
-        raise UnusableFileError(clashes)
+    if clashes or wrong:
+        raise UnusableFileError([*clashes, *wrong])
     indices = {name: several[0] for name, several in named.items()} | mapped
     if front and not {"rear_x_m", "rear_y_m"} & set(indices) and {"front_x_m", "front_y_m"} <= set(indices):
         indices = {name.replace("front_", "rear_") if name in _OF_FRONT else name: at for name, at in indices.items()}
     missing = [name for name in REQUIRED if name not in indices]
     if missing:
-        faults = [_missing(name, names, count, file) for name in missing]
+        there = list(missing_in_another_unit(missing, names, file))
+        absent = [name for name in missing if name not in {finding.column for finding in there}]
+        faults = [*there, *(_missing(name, names, count, file) for name in absent)]
         raise UnusableFileError([*faults, *_only_front(indices, missing, file)])
     findings: list[Finding] = []
     if demo is not None and chosen is not None:

@@ -12,13 +12,14 @@ from service.datasets.checks.validate import check_entries
 from service.datasets.default_passport import VIPER_ON_LUNAR_REGOLITH
 from service.datasets.file_names import is_of_desktop
 from service.datasets.findings import MAX_LOCATED, Code, Finding, UnusableFileError, reject, warn
+from service.datasets.given import Given
 from service.datasets.intake import Intake, Progress, run_in
 from service.datasets.passport import MAX_BYTES as PASSPORT_MAX_BYTES
 from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
 from service.datasets.readers.column_map import ColumnMap
 from service.datasets.readers.source import DEFAULT_MAX_BYTES, read_bounded
 from service.datasets.readers.table import Samples
-from service.datasets.readers.text_lines import COMMENTS
+from service.datasets.readers.text_preamble import COMMENTS
 from service.datasets.readers.text_table import TextTable, parse_text
 from service.datasets.report import ValidationReport
 from service.datasets.run import Dataset
@@ -65,9 +66,13 @@ def validate_folder(
     said: Alignment = NOTHING_SAID,
     max_file_bytes: int = DEFAULT_MAX_BYTES,
     progress: Progress | None = None,
+    given: Given | None = None,
 ) -> ValidationReport:
-    """The report of `read_folder` without the dataset: memory is that of the largest file. Raises as it does."""
-    intake, offered = _taken(Path(folder), sets, column_map, said, max_file_bytes, progress, keep=False)
+    """The report of `read_folder` without the dataset: memory is that of the largest file. Raises as it does.
+
+    `given` says what neither runs.csv nor the rows do, as the form of an upload.
+    """
+    intake, offered = _taken(Path(folder), sets, column_map, said, max_file_bytes, progress, keep=False, given=given)
     return intake.report(offered, strict=strict)
 
 
@@ -80,6 +85,7 @@ def _taken(
     progress: Progress | None,
     *,
     keep: bool,
+    given: Given | None = None,
 ) -> tuple[Intake, list[str]]:
     passport, noticed = passport_of(_read_small(root / PASSPORT_FILE, PASSPORT_MAX_BYTES, needed=False))
     intake = Intake(passport, said=said, keep=keep)
@@ -88,11 +94,12 @@ def _taken(
         intake,
         root,
         passport,
-        parse_run_table(_read_small(root / RUN_TABLE, TABLE_MAX_BYTES) or b""),
+        parse_run_table(_read_small(root / RUN_TABLE, TABLE_MAX_BYTES) or b"", given),
         sets=sets,
         column_map=ColumnMap.of(column_map if column_map is not None else passport.column_map),
         max_file_bytes=max_file_bytes,
         progress=progress,
+        given=given,
     )
     return intake, offered
 
@@ -119,11 +126,14 @@ def take_listed(
     max_file_bytes: int = DEFAULT_MAX_BYTES,
     max_total_bytes: int | None = None,
     progress: Progress | None = None,
+    given: Given | None = None,
 ) -> list[str]:
     """Hand every run of a parsed run table, whose files lie in `root`, to `intake`; returns the files of them all.
 
-    `max_total_bytes` bounds all files together, unpacked. Raises InvalidValueError for a set that is not there.
+    `given` says what neither the table nor the rows do. `max_total_bytes` bounds all files together, unpacked. Raises
+    InvalidValueError for a set that is not there.
     """
+    given = given or Given()
     reader = _FileReader(root, max_file_bytes, max_total_bytes)
     every, commented = _without_comments(table[0], reader)
     entries = _chosen(every, sets)
@@ -135,7 +145,10 @@ def take_listed(
     for done, entry in enumerate(chosen):
         if progress is not None:
             progress(done, len(chosen), entry.file)
-        intake.take(entry, names[entry.file], partial(reader.run, entry.file, passport, column_map, intake.said))
+        read = partial(reader.run, entry.file, passport, column_map, intake.said)
+        filled, samples = given.over(entry, read)
+        intake.take(filled, names[entry.file], samples)
+    intake.findings += given.unused(f"{RUN_TABLE} and its files say it")
     return [entry.file for entry in entries]
 
 

@@ -18,10 +18,11 @@ import numpy.typing as npt
 
 from service.datasets.alignment import FIRST_ROW, NOTHING_SAID, Alignment
 from service.datasets.checks.labels import check_labels
+from service.datasets.checks.times import MIN_ROWS
 from service.datasets.checks.validate import check_entries
 from service.datasets.columns import meaning_of
 from service.datasets.file_names import shown
-from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.findings import Code, Finding, UnusableFileError, reject, told_too, warn
 from service.datasets.intake import Intake
 from service.datasets.readers.column_map import ColumnMap, resolve
 from service.datasets.readers.runs_in_table import Rows, groups_of, runs_in_table
@@ -64,16 +65,26 @@ def read_long(table: Table, column_map: ColumnMap | None, said: Alignment = NOTH
     Raises UnusableFileError for columns that are missing, twice there or hold something else, and for cells without a
     value in time or in `run`.
     """
+    noticed = list[Finding]()
+    try:
+        return _read(table, column_map, said, noticed)
+    except UnusableFileError as error:
+        raise told_too(error, (*table.noticed, *noticed)) from error
+
+
+def _read(table: Table, column_map: ColumnMap | None, said: Alignment, noticed: list[Finding]) -> LongTable:
+    """`read_long`; adds to `noticed` what it sees before it fails."""
     file = table.file
     every = (*TEXT_LABELS, *NUMBER_LABELS)
     found = resolve(table.names, table.width, column_map, file=file, labels=every, front=said.is_of_front)
+    noticed += found.findings
     named = {name: index for name, index in found.indices.items() if name not in TEXT_LABELS}
     columns = dict(zip(named, table.numbers(list(named.values())), strict=True))
     numbers = {name: columns.pop(name) for name in NUMBER_LABELS if name in columns}
     texts = {name: table.texts(found.indices[name]) for name in TEXT_LABELS if name in found.indices}
     empty = [name for name, label in (numbers | texts).items() if label.is_absent]
     message = "has no values, so it is as if absent"
-    findings = [warn(file, Code.EMPTY_COLUMN, message, column=name) for name in empty]
+    noticed += [warn(file, Code.EMPTY_COLUMN, message, column=name) for name in empty]
     texts = {name: label for name, label in texts.items() if name not in empty}
     gaps = list(gaps_in(columns["time_s"].blank, table.lines, file=file, column="time_s"))
     if "run" in texts:
@@ -82,10 +93,10 @@ def read_long(table: Table, column_map: ColumnMap | None, said: Alignment = NOTH
     if gaps:
         raise UnusableFileError(gaps)
     numbers = {name: label for name, label in numbers.items() if name not in empty}
-    noticed = (*table.noticed, *found.findings, *findings)
+    told = (*table.noticed, *noticed)
     zero_start = said.start == FIRST_ROW or (said.start is None and found.zero_start)
     checked = numbers_if_any(table, found.checked)
-    return LongTable(file, columns, numbers, texts, table.lines, zero_start, noticed, found.preset, checked)
+    return LongTable(file, columns, numbers, texts, table.lines, zero_start, told, found.preset, checked)
 
 
 def take_runs(intake: Intake, long: LongTable, *, given: Mapping[str, float], set_name: str) -> list[str]:
@@ -103,6 +114,7 @@ def take_runs(intake: Intake, long: LongTable, *, given: Mapping[str, float], se
     if len(groups) > MAX_RUNS:
         message = f"{len(groups)} runs, allowed are 1..{MAX_RUNS}: does the scenario change within a run?"
         raise UnusableFileError([reject(file, Code.TOO_MANY_FILES, message)])
+    _require_order(long, [rows for _, rows in groups])
     entries: list[tuple[RunEntry, str, Rows]] = []
     offered: dict[str, None] = {}
     for name, rows in groups:
@@ -117,6 +129,24 @@ def take_runs(intake: Intake, long: LongTable, *, given: Mapping[str, float], se
         for entry, name, rows in entries:
             intake.take(entry, name, partial(_samples, long, entry, rows))
     return list(offered)
+
+
+def _require_order(long: LongTable, groups: Sequence[Rows]) -> None:
+    """Without run names a new run begins where time goes back. Raises UnusableFileError where that cannot be meant."""
+    short = [rows for rows in groups if len(rows) < MIN_ROWS]
+    if "run" in long.texts or len(short) * 2 < len(groups) or len(short) < 2:
+        return
+    time_s = long.columns["time_s"].values
+    back = np.flatnonzero(np.diff(time_s) < 0) + 1
+    if len(back):
+        at = int(back[0])
+        message = (
+            f"{time_s[at]:.9g} is earlier than the row before ({time_s[at - 1]:.9g}); {len(back)} such rows: without "
+            "a column run, rows of one scenario must be in the order of time"
+        )
+        raise UnusableFileError(
+            [reject(long.file, Code.TIME_BACKWARD, message, row=int(long.lines[at]), column="time_s")]
+        )
 
 
 def _samples(long: LongTable, entry: RunEntry, rows: Rows) -> Samples:

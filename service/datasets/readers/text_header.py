@@ -7,12 +7,15 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from service.datasets.columns import meaning_of
+from service.datasets.columns import REQUIRED, meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.readers.numbers import is_number, number
-from service.datasets.readers.text_lines import SplitText, is_header, split_row
+from service.datasets.readers.text_lines import SplitText, split_row
+from service.datasets.readers.text_preamble import is_header
 
 _SHOWN = 5
+_THOUSANDS = re.compile(r" *[1-9][0-9]{0,2},[0-9]{3} *")
+_ROW_NAMES = ("", "index", "no", "nr", "row", "id", "#")
 _FEW = 10
 
 
@@ -44,6 +47,8 @@ def header_of(text: SplitText, *, file: str = "file") -> Header:
         readings = [first] if text.delimiter in line[1:].strip() and _fits(first, least, cells) else []
         fitting = (*readings, *(names for names in (first, *others) if len(names) == least))
         names = next((names for names in fitting if is_header(names)), None)
+        if names is None and len(first) == least - 1 and is_header(first) and _has_row_names(text):
+            names = ("", *first)
         if names is not None:
             message = f"taken for the header, since it names the columns: {line[:120]!r}"
             noticed = (*_comments(text, file, without=at), warn(file, Code.COMMENT, message, row=at))
@@ -54,8 +59,9 @@ def header_of(text: SplitText, *, file: str = "file") -> Header:
 def header_above(text: SplitText, *, file: str) -> tuple[tuple[str, ...], list[Finding]]:
     """The names of a table that must have a header, whatever its rows are: the reading that says most."""
     line, at = text.header, None
-    if line is None and text.comments and text.comments[-1][0] < text.lines[0]:
-        at, line = text.comments[-1][0], text.comments[-1][1].lstrip("#/%! \t")
+    before = [(at, line) for at, line in text.comments if at < text.lines[0]]
+    if line is None and before:
+        at, line = before[-1][0], before[-1][1].lstrip("#/%! \t")
     readings = list(_readings(line, text)) if line is not None else [()]
     names = max(readings, key=lambda names: sum(meaning_of(name) is not None for name in names))
     if all(len(row) == len(names) + 1 and row[-1].strip() for row in text.rows()) and _has_row_names(text):
@@ -67,17 +73,17 @@ def _from_header(text: SplitText, header: str, least: int, cells: int, file: str
     readings = list(_readings(header, text))
     noticed = _comments(text, file)
     for names in readings:
-        if _fits(names, least, cells):
-            shifted = meaning_of(names[0]) == "time_s" and _may_be_shifted(text)
-            if shifted and len(split_row(header, text.delimiter)) < cells:
+        if _fits(names, least, cells) and not (text.delimiter != " " and any(text.delimiter in name for name in names)):
+            shifted = _may_be_shifted(text, names)
+            if shifted is not None and len(split_row(header, text.delimiter)) < cells:
                 break
-            if shifted and text.delimiter == " ":  # where a cell without a value leaves no trace
-                message = "counts the rows: if these are row names, not times, write a name above them"
-                noticed = (*noticed, warn(file, Code.HEADER_MISMATCH, message, column=names[0]))
+            if shifted is not None and text.delimiter == " ":  # where a cell without a value leaves no trace
+                noticed = (*noticed, _counting(text, names, shifted, file, noticed))
+            _require_no_thousands(text, names, file)
             return Header(names, len(names), noticed)
     of_rows = (names for names in readings[: 1 if text.delimiter != " " else None] if len(names) == least - 1)
     names = next(of_rows, ())
-    if names and _has_row_names(text):
+    if names and names[0].lower() not in _ROW_NAMES and _has_row_names(text):
         return Header(("", *names), least, noticed)
     shown = header.strip()[:120]
     message = f"the header {shown!r} does not name the {least} columns of the rows"
@@ -87,6 +93,27 @@ def _from_header(text: SplitText, header: str, least: int, cells: int, file: str
             "names, or the last one nothing; name all of them"
         )
     raise UnusableFileError([reject(file, Code.HEADER_MISMATCH, message, row=int(text.lines[0])), *noticed])
+
+
+def _require_no_thousands(text: SplitText, names: Sequence[str], file: str) -> None:
+    """A comma between thousands makes two cells of a number, and the last column takes the surplus if it has no values.
+
+    Raises UnusableFileError where rows have more cells than the header, and a column that is used and the next one,
+    which is not, may be one number.
+    """
+    if text.delimiter != "," or len(text.first) <= len(names):
+        return
+    for at in range(len(names) - 1):
+        if meaning_of(names[at]) is None or meaning_of(names[at + 1]) is not None:
+            continue
+        if all(_THOUSANDS.fullmatch(",".join(row[at : at + 2])) for row in text.rows()):
+            message = (
+                f"{','.join(text.first[at : at + 2])!r} may be one number with a comma between thousands, since the "
+                f"rows have more cells than the header; write it without, or no delimiter after the last column"
+            )
+            raise UnusableFileError(
+                [reject(file, Code.HEADER_MISMATCH, message, row=int(text.lines[0]), column=names[at])]
+            )
 
 
 def _fits(names: Sequence[str], least: int, cells: int) -> bool:
@@ -128,7 +155,8 @@ def _empty_at_the_end(text: SplitText, cells: int) -> int:
 def _has_row_names(text: SplitText) -> bool:
     """Whether the first column counts the rows, or names them in quotes, as pandas and R write without a header."""
     if text.quote and all(row.startswith(text.quote.encode()) for row in text.body.split(b"\n")):
-        return True
+        names = [row[0] for row in text.rows()]
+        return len(set(names)) == len(names)
     return _counts(row[0] for row in text.rows())
 
 
@@ -142,12 +170,35 @@ def _counts(cells: Iterable[str]) -> bool:
     return True
 
 
-def _may_be_shifted(text: SplitText) -> bool:
-    """Whether the first column may count the rows, and the second one be the time. Few rows are no run."""
+def _may_be_shifted(text: SplitText, names: Sequence[str]) -> str | None:
+    """The name of a column that seems to count rows, where the first column does so: the names may be one off.
+
+    A time may be whole numbers, unless what follows it may be the time. Few rows are no run.
+    """
     if len(text.lines) < _FEW or not _counts(text.first[:1]) or not _counts(row[0] for row in text.rows()):
-        return False
-    second = [row[1] if len(row) > 1 else "" for row in text.rows()]
-    return all(map(is_number, second)) and all(number(one) < number(other) for one, other in itertools.pairwise(second))
+        return None
+    for at, name in enumerate(names):
+        meaning = meaning_of(name)
+        if meaning is not None and _counts(text.first[at : at + 1]) and _counts(_column(text, at)):
+            later = [cell.replace(",", ".") for cell in _column(text, at + 1)]
+            in_order = all(map(is_number, later)) and all(number(a) < number(b) for a, b in itertools.pairwise(later))
+            if meaning != "time_s" or in_order:
+                return name
+    return None
+
+
+def _column(text: SplitText, at: int) -> Iterator[str]:
+    return (row[at] if len(row) > at else "" for row in text.rows())
+
+
+def _counting(text: SplitText, names: Sequence[str], name: str, file: str, noticed: Sequence[Finding]) -> Finding:
+    """A word about a column that counts rows. Raises UnusableFileError where another one may have no values."""
+    message = "counts the rows: {}; write 0.0 for a time, or a name above row names"
+    if all(meaning_of(each) in REQUIRED for each in names):
+        return warn(file, Code.HEADER_MISMATCH, message.format("times, or row names?"), column=name)
+    message = message.format("the first one may hold row names, and another one no values")
+    found = reject(file, Code.HEADER_MISMATCH, message, row=int(text.lines[0]), column=name)
+    raise UnusableFileError([found, *noticed])
 
 
 def _comments(text: SplitText, file: str, without: int | None = None) -> tuple[Finding, ...]:

@@ -7,32 +7,33 @@ a first line `sep=;`, rows of delimiters only, cells in quotes, Windows-1252.
 
 from __future__ import annotations
 
+import codecs
 import csv
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from service.datasets.columns import MAX_COLUMNS, meaning_of
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.readers.decimal_comma import is_with_comma
 from service.datasets.readers.foreign import unsupported
 from service.datasets.readers.numbers import is_number
 from service.datasets.readers.sniff import HEAD_BYTES
 from service.datasets.readers.table import Lines
+from service.datasets.readers.text_preamble import COMMENTS, NOTHING, preamble_of
 
-COMMENTS = ("#", "//", "%", "!")
 _TEXT_MEANINGS = {"run", "set", "file"}
 
 # first bytes of lines that may hold no data: blank, comments, delimiters only, or with leading space
 _NOISE = np.frombuffer(b"\n \t#/%!,;|\"'", dtype=np.uint8)
-_NOTHING = " \t,;|\"'"
-_SEPARATORS = re.compile(r"[,;|\s]+")
 _SEP_LINE = re.compile(rb'\A"?sep=(?P<mark>[^\n"]|\\t)"?(?P=mark)*[ ]*\n', re.IGNORECASE)
+_UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _DELIMITERS = (";", "\t", "|", ",")
 _OPEN_CELL = re.compile(rb'[,;|\t]"[^"]*$')
-_SPACED_QUOTE = re.compile(rb'(?<=[,;|\t]) +(?=")')
+_SPACED_QUOTE = re.compile(rb"(?<=[,;|\t]) +(?=[\"'])")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,8 +81,10 @@ def split_text(data: bytes, *, file: str = "file", max_rows: int) -> SplitText:
     asked = _SEP_LINE.match(text)
     text = text if asked is None else b"\n" + text[asked.end() :]
     text, numbers = _joined(text)
-    header, comments, position, count = _preamble(text)
-    body = text[position:].rstrip(b"\n")
+    above = preamble_of(text, file)
+    header, comments, count = above.header, above.comments, above.count
+    noticed += above.noticed if numbers is None else [_at(numbers, each) for each in above.noticed]
+    body = text[above.position :].rstrip(b"\n")
     if body.count(b"\n") >= max_rows + 1:
         message = f"more than {max_rows} rows, allowed is at most {max_rows}"
         raise UnusableFileError([reject(file, Code.TOO_LARGE, message)])
@@ -101,9 +104,15 @@ def split_text(data: bytes, *, file: str = "file", max_rows: int) -> SplitText:
     quote = '"' if b'"' in body else _single_quote(first, delimiter)
     if delimiter == " ":
         body = b"\n".join(b" ".join(line.split()) for line in body.split(b"\n"))
-    elif quote == '"':
+    elif quote:
         body = _SPACED_QUOTE.sub(b"", body)
     return SplitText(body, delimiter, quote, lines, header, tuple(comments), tuple(noticed))
+
+
+def whole_lines(start: bytes) -> bytes:
+    """The beginning of a file without its last, unfinished line."""
+    end = start.rfind(b"\n")
+    return start[: end - end % 2 if start.startswith(_UTF16) else end]
 
 
 def _plain(data: bytes, file: str) -> tuple[bytes, list[Finding]]:
@@ -111,12 +120,28 @@ def _plain(data: bytes, file: str) -> tuple[bytes, list[Finding]]:
     foreign = unsupported(data[:HEAD_BYTES], file)
     if foreign is not None:
         raise UnusableFileError([foreign])
-    if b"\0" in data or data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        message = "binary or UTF-16 content; expected plain text with one row per line (UTF-8 or ASCII)"
+    data, noticed = _as_utf8(data, file)
+    if b"\0" in data:
+        message = (
+            "binary content, or UTF-16 without a byte-order mark; expected plain text with one row per line (UTF-8 or "
+            "ASCII)"
+        )
         raise UnusableFileError([reject(file, Code.NOT_TEXT, message)])
-    data = data.removeprefix(b"\xef\xbb\xbf")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return data, noticed
+
+
+def _as_utf8(data: bytes, file: str) -> tuple[bytes, list[Finding]]:
+    """Text in UTF-8, UTF-16 with its mark or Windows-1252 as UTF-8 without a mark."""
+    if data.startswith(_UTF16) and not data.startswith(codecs.BOM_UTF32_LE):
+        try:
+            text = data.decode("utf-16")
+        except UnicodeDecodeError as error:
+            message = f"begins as UTF-16 does, but is not ({error.reason}); save it as UTF-8"
+            raise UnusableFileError([reject(file, Code.NOT_TEXT, message)]) from error
+        return text.encode(), [warn(file, Code.ENCODING, "is UTF-16 and read as such")]
+    data = data.removeprefix(codecs.BOM_UTF8)
     try:
         if not data.isascii():
             data.decode()
@@ -151,28 +176,9 @@ def _joined(text: bytes) -> tuple[bytes, Lines | None]:
     return (text, None) if open_row else (b"\n".join(rows), np.array(numbers, dtype=np.int64))
 
 
-def _preamble(text: bytes) -> tuple[str | None, list[tuple[int, str]], int, int]:
-    """(header, comments before it with their lines, where the rows begin, how many lines are before them)."""
-    comments: list[tuple[int, str]] = []
-    position = count = 0
-    while position < len(text):
-        end = text.find(b"\n", position)
-        end = len(text) if end < 0 else end
-        line = text[position:end].decode().strip()
-        if line.startswith(COMMENTS):
-            comments.append((count + 1, line))
-        elif line.strip(_NOTHING):
-            if is_header(_SEPARATORS.split(line)):
-                return text[position:end].decode().rstrip(" "), comments, end + 1, count + 1
-            return None, comments, position, count
-        position, count = end + 1, count + 1
-    return None, comments, len(text), count
-
-
-def is_header(cells: Sequence[str]) -> bool:
-    """Fewer than half of the cells are numbers. (One bad cell in the first row does not make it a header.)"""
-    cells = [cell for cell in cells if cell.strip("\"'")]
-    return sum(is_number(cell) for cell in cells) * 2 < len(cells)
+def _at(numbers: Lines, finding: Finding) -> Finding:
+    """The finding with the line of the file, where rows go over several."""
+    return finding if finding.row is None else replace(finding, row=int(numbers[finding.row - 1]))
 
 
 Skipped = list[tuple[int, str]]
@@ -184,7 +190,7 @@ def _data_rows(body: bytes, header: str | None, mark: str | None) -> tuple[bytes
     starts = np.concatenate([[0], np.flatnonzero(characters == ord("\n")) + 1])
     if len(body) and not np.isin(characters[starts[starts < len(body)]], _NOISE).any():
         return body, np.ones(len(starts), dtype=np.bool_), _delimiter(body, header, mark), []
-    nothing = _NOTHING + (mark or "")
+    nothing = NOTHING + (mark or "")
     every = [line.decode() for line in body.split(b"\n")]
     filled = [(at, line) for at, line in enumerate(every) if line.strip(nothing)]
     plain = next((line for _, line in filled if not line.lstrip().startswith(COMMENTS)), None)
@@ -233,7 +239,7 @@ def _widths(row: str, delimiter: str) -> tuple[int, int]:
 def _delimiter(body: bytes, header: str | None, mark: str | None) -> str:
     """By the first row: one that gives it as many cells as the header, where there is one.
 
-    Else `;` before `,`: where both occur the comma is a decimal comma, which is refused later.
+    Else one that makes cells with decimal commas; else `;` before `,`.
     """
     if mark is not None:
         return mark
@@ -245,8 +251,23 @@ def _delimiter(body: bytes, header: str | None, mark: str | None) -> str:
         ]
         if alike:
             return max(alike, key=lambda mark: widths[mark][0][1])
+        cells = split_row(row, " ")
+        if len(cells) == len(split_row(header, " ")) > 1 and not any(cell.endswith(_DELIMITERS) for cell in cells):
+            return " "
+    around = [mark for mark in (";", "|", "\t", " ") if _makes_decimals(split_row(row, mark))]
+    if around:
+        return around[0]
     bare = re.sub(r'"[^"]*"', "", row)
     return next((mark for mark in (";", ",", "|") if mark in bare), "\t" if _is_tabbed(bare) else " ")
+
+
+def _makes_decimals(cells: Sequence[str]) -> bool:
+    """Whether two of these cells or more are numbers with one comma, and no other one has a comma or a point."""
+    filled = [cell.strip("\"' ") for cell in cells if cell.strip("\"' ")]
+    others = [cell for cell in filled if not is_with_comma(cell)]
+    return len(filled) - len(others) > 1 and not any(
+        "," in cell or (is_number(cell) and "." in cell) for cell in others
+    )
 
 
 def _is_tabbed(row: str) -> bool:

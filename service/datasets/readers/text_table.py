@@ -16,6 +16,7 @@ import pyarrow.compute as pc
 from pyarrow import csv
 
 from service.datasets.findings import MAX_LOCATED, Code, Finding, UnusableFileError, reject
+from service.datasets.readers.decimal_comma import Commas, commas_in, told
 from service.datasets.readers.numbers import AROUND, AS_C, FORTRAN, NO_VALUE, number
 from service.datasets.readers.source import DEFAULT_MAX_BYTES, read_bounded
 from service.datasets.readers.table import Lines, Numbers, Texts
@@ -58,9 +59,12 @@ class TextTable:
         read = self._read(dict.fromkeys(indices, pa.float64()))
         if read is not None:
             return [_with_gaps(read[index]) for index in indices]
-        strings = self._strings(indices)
+        strings = {index: _trimmed(column) for index, column in self._strings(indices).items()}
+        commas = commas_in(lambda pattern: any(_any(column, pattern) for column in strings.values()))
+        if commas is Commas.DECIMAL:
+            strings = self._with_points(strings)
         faults: list[Finding] = []
-        columns = [self._converted(strings[index], index, faults) for index in indices]
+        columns = [self._converted(strings[index], index, commas, faults) for index in indices]
         if faults:
             faults.sort(key=lambda fault: fault.row or 0)
             raise UnusableFileError(faults[:MAX_LOCATED])
@@ -122,10 +126,15 @@ class TextTable:
             message += "; if the simulation was stopped while writing, delete the unfinished last line"
         return reject(self.file, Code.RAGGED_ROW, message, row=line, column=self.label(min(count, self.width)))
 
-    def _converted(self, cells: pa.ChunkedArray, index: int, faults: list[Finding]) -> Numbers:
+    def _with_points(self, strings: Mapping[int, pa.ChunkedArray]) -> dict[int, pa.ChunkedArray]:
+        """These columns with points for their decimal commas, which is told."""
+        with_comma = (column.filter(pc.match_substring(column, ",")) for column in strings.values())
+        example = next(column[0].as_py() for column in with_comma if len(column))
+        self.noticed = (*self.noticed, told(self.file, example))
+        return {index: pc.replace_substring(column, ",", ".") for index, column in strings.items()}
+
+    def _converted(self, cells: pa.ChunkedArray, index: int, commas: Commas, faults: list[Finding]) -> Numbers:
         """One column of cells as numbers, by column where possible; else cell by cell, to know what is wrong."""
-        cells = pc.utf8_trim(pc.fill_null(cells, ""), characters=AROUND)
-        cells = pc.if_else(pc.is_in(cells, value_set=pa.array(sorted(NO_VALUE))), pa.scalar(None, pa.string()), cells)
         for pattern in (None, FORTRAN):
             try:
                 spelled = cells if pattern is None else pc.replace_substring_regex(cells, pattern, AS_C)
@@ -137,17 +146,27 @@ class TextTable:
             try:
                 values[at] = np.nan if cell is None else number(cell)
             except ValueError:
-                found.append(self._no_number(cell, int(self.lines[at]), index))
+                found.append(self._no_number(cell, int(self.lines[at]), index, commas))
                 if len(found) >= MAX_LOCATED:
                     break
         faults += found
         return Numbers(values, _blank(cells))
 
-    def _no_number(self, cell: str, line: int, index: int) -> Finding:
+    def _no_number(self, cell: str, line: int, index: int, commas: Commas) -> Finding:
         message = f"{cell[:40]!r} is not a number"
-        if "," in cell:
-            message += "; write decimals with a point"
+        if "," in cell and commas is not Commas.DECIMAL:
+            message += commas
         return reject(self.file, Code.NOT_A_NUMBER, message, row=line, column=self.label(index))
+
+
+def _trimmed(cells: pa.ChunkedArray) -> pa.ChunkedArray:
+    """Cells without what is around them; null where there is no value."""
+    cells = pc.utf8_trim(pc.fill_null(cells, ""), characters=AROUND)
+    return pc.if_else(pc.is_in(cells, value_set=pa.array(sorted(NO_VALUE))), pa.scalar(None, pa.string()), cells)
+
+
+def _any(column: pa.ChunkedArray, pattern: str) -> bool:
+    return bool(pc.any(pc.match_substring_regex(column, pattern)).as_py())
 
 
 def _blank(column: pa.ChunkedArray) -> npt.NDArray[np.bool_] | None:

@@ -15,6 +15,7 @@ from service.datasets.readers.long_table import NUMBER_LABELS, TEXT_LABELS
 from service.datasets.readers.sniff import HEAD_BYTES, Kind, kind_of
 from service.datasets.readers.source import read_start
 from service.datasets.readers.table import Table
+from service.datasets.readers.text_lines import whole_lines
 from service.datasets.readers.text_table import parse_text
 from service.datasets.run_table import FILE as RUN_TABLE
 
@@ -52,7 +53,7 @@ def _is_table(path: Path, passport: Passport, column_map: ColumnMap | None) -> b
             return True if path.suffix == ".gz" else bool(_found(ParquetTable(path, path.name), passport, column_map))
         if kind is not Kind.TEXT:
             return False
-        table = parse_text(start if len(start) < _START_BYTES else start[: start.rfind(b"\n")], file=path.name)
+        table = parse_text(start if len(start) < _START_BYTES else whole_lines(start), file=path.name)
         table.numbers(_found(table, passport, column_map))
     except UnusableFileError:
         return False

@@ -19,7 +19,8 @@ from service.datasets.alignment import NOTHING_SAID
 from service.datasets.checks.validate import check_entries
 from service.datasets.columns import canonical_name
 from service.datasets.file_names import upload_name
-from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
+from service.datasets.findings import Code, Finding, UnusableFileError, reject, told_too, warn
+from service.datasets.given import Given
 from service.datasets.intake import Intake, Progress, run_in
 from service.datasets.parquet import read_parquet, unknown_columns
 from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
@@ -120,10 +121,13 @@ class _UploadReader:
         if size > self.limits.file_bytes:
             message = f"has {size} bytes, allowed are at most {self.limits.file_bytes}"
             raise UnusableFileError([reject(file, Code.TOO_LARGE, message)])
-        table: Table = (
-            ParquetTable(path, file) if kind is Kind.PARQUET
-            else parse_text(path.read_bytes(), file=file, max_rows=self.limits.rows)
-        )  # fmt: skip
+        try:
+            table: Table = (
+                ParquetTable(path, file) if kind is Kind.PARQUET
+                else parse_text(path.read_bytes(), file=file, max_rows=self.limits.rows)
+            )  # fmt: skip
+        except UnusableFileError as error:
+            raise told_too(error, noticed) from error
         return self._table(table, stored, noticed)
 
     def _folder(self, root: Path, file: str, noticed: Sequence[Finding]) -> tuple[Dataset, ValidationReport]:
@@ -153,15 +157,17 @@ class _UploadReader:
         stored = next((each / PASSPORT_FILE for each in above if (each / PASSPORT_FILE).is_file()), None)
         passport, told = self._passport(stored.read_bytes() if stored else None)
         mapping, of_map = self._column_map(passport)
+        given = Given(self.form.scenario(), self.form.set_name)
         try:
-            table = parse_run_table((folder / RUN_TABLE).read_bytes())
+            table = parse_run_table((folder / RUN_TABLE).read_bytes(), given)
+        except UnusableFileError as error:
+            raise told_too(error, noticed) from error
         except DatasetError as error:
             raise UnusableFileError([reject(RUN_TABLE, Code.RUN_TABLE, str(error))]) from error
         elsewhere = [each for each in unlisted_in(root, [], folder.relative_to(root).as_posix())
                      if not (root / each.file).is_relative_to(folder) and root / each.file != stored]  # fmt: skip
-        unused = self._unused((*SCENARIO_LIMITS, "set_name"), f"{RUN_TABLE} and its files say it")
         intake = Intake(passport, said=self.form.said(), max_rows=self.limits.rows)
-        intake.findings += [*noticed, *told, *of_map, *unused, *elsewhere]
+        intake.findings += [*noticed, *told, *of_map, *elsewhere]
         offered = take_listed(
             intake,
             folder,
@@ -171,6 +177,7 @@ class _UploadReader:
             max_file_bytes=min(self.limits.file_bytes, 256 << 20),
             max_total_bytes=self.limits.total_bytes,
             progress=self.progress,
+            given=given,
         )
         return intake.conclude(self._name(file), offered, strict=self.form.strict)
 
@@ -213,21 +220,27 @@ class _UploadReader:
         mapping, of_map = self._column_map(passport)
         intake = Intake(passport, said=self.form.said(), max_rows=self.limits.rows)
         intake.findings += [*noticed, *told, *of_map]
+        try:
+            offered = self._offer(intake, table, passport, mapping)
+        except UnusableFileError as error:
+            raise told_too(error, intake.findings) from error
+        return intake.conclude(self._name(table.file), offered, strict=self.form.strict)
+
+    def _offer(self, intake: Intake, table: Table, passport: Passport, mapping: ColumnMap | None) -> list[str]:
+        """Hand the runs of a table to `intake`. Returns what they are called."""
         given = self.form.scenario()
         if is_long(table.names):
             long = read_long(table, mapping, intake.said)
             said = [*long.numbers, *(["set_name"] if "set" in long.texts else [])]
             intake.findings += [*long.noticed, *self._unused(said, "the table has such a column")]
-            offered = take_runs(intake, long, given=given, set_name=self.form.set_name)
-        else:
-            by_rows = {*(mapping.sources if mapping else ()), *map(canonical_name, passport.columns or ())}
-            samples, entry = _both(
-                partial(run_in, table, passport, mapping, intake.said),
-                partial(_only_entry, table.file, given, self.form, by_rows),
-            )
-            intake.take(entry, _stem(table.file), lambda: samples)
-            offered = [table.file]
-        return intake.conclude(self._name(table.file), offered, strict=self.form.strict)
+            return take_runs(intake, long, given=given, set_name=self.form.set_name)
+        by_rows = {*(mapping.sources if mapping else ()), *map(canonical_name, passport.columns or ())}
+        samples, entry = _both(
+            partial(run_in, table, passport, mapping, intake.said),
+            partial(_only_entry, table.file, given, self.form, by_rows),
+        )
+        intake.take(entry, _stem(table.file), lambda: samples)
+        return [table.file]
 
     def _unused(self, fields: Collection[str], why: str) -> list[Finding]:
         """A word about each of these fields that the form has: what files say comes first."""
