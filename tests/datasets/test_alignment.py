@@ -13,6 +13,7 @@ import pytest
 from service.datasets import RejectedDatasetError, dataset_id, read_folder
 from service.datasets.alignment import Alignment, Frame, Reference
 from service.datasets.checks.candidate import Candidate
+from service.datasets.checks.recording import settled_until
 from service.datasets.checks.validate import check_run
 from service.datasets.default_passport import VIPER_ON_LUNAR_REGOLITH
 from service.datasets.run_table import RunEntry
@@ -255,6 +256,16 @@ def test_no_shipped_run_raises_a_suspicion():
             columns = {n: c for n, c in run.columns.items() if n in (*names, *run.varies)}
             found = check_run(Candidate(entry, columns, lines, VIPER_ON_LUNAR_REGOLITH))
             assert {str(f.code) for f in found} <= {"wheel-band"}, (run.name, found)
+
+
+def test_no_shipped_run_with_coarse_rows_seems_to_settle():
+    for run in shipped().values():
+        step = max(1, round(0.25 / float(np.median(np.diff(run.time_s)))))
+        slope, torque = (None if name in run.varies else getattr(run, name) for name in ("slope_deg", "torque_nm"))
+        entry = RunEntry(run.name, "a", slope, run.mass_kg, torque, None, None, 1)
+        columns = run_columns(run, step=step)
+        rows = np.arange(len(columns["time_s"]))
+        assert settled_until(Candidate(entry, columns, rows, VIPER_ON_LUNAR_REGOLITH)) is None
 
 
 def test_the_horizon_counts_from_the_start(folder, tmp_path):

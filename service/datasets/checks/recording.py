@@ -37,6 +37,9 @@ WHEELS_SETTLED_RAD_S = 1e-3
 WHEELS_STILL_S = 0.2
 """Where motors drive, all shipped runs turn a wheel this fast within 0.05 s."""
 
+FEWEST_ROWS = 4
+"""Of coarse rows one or two may look like standing still."""
+
 THEN_MOVES_M = 0.02
 START_WINDOW_S = 0.02
 START_SPEED_M_S = 0.15
@@ -232,8 +235,11 @@ def settled_until(run: Candidate) -> tuple[float, str] | None:
     ways.append(("the rover does not move", np.abs(x - x[0]), STILL_M, SETTLED_M, STILL_S))
     for how, departs, still, settled, least in ways:
         stands = _while(departs <= still)
-        if run.time_s[stands] - run.time_s[0] >= least and driven[: stands + 1].all() and stands < len(x) - 1:
-            return float(run.time_s[_knee(departs, stands, settled)]), how
+        if stands < FEWEST_ROWS or stands == len(x) - 1 or not driven[: stands + 1].all():
+            continue
+        until = float(run.time_s[_knee(departs, stands, settled)])
+        if until - run.time_s[0] >= least:
+            return until, how
     return None
 
 
