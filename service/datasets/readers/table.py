@@ -79,6 +79,8 @@ class Table(Protocol):
 
 def numbers_if_any(table: Table, places: Mapping[str | int, int]) -> dict[str | int, Numbers]:
     """These columns by any name, but for those that are no numbers: they are only to be looked at, not to be used."""
+    if not places:  # asking for no column parses the whole text all the same
+        return {}
     try:
         return dict(zip(places, table.numbers(list(places.values())), strict=True))
     except UnusableFileError:

@@ -157,9 +157,11 @@ def _joined(text: bytes) -> tuple[bytes, Lines | None]:
 
     A cell in quotes may go on over lines. Where quotes do not come in pairs no line is joined to another.
     """
-    if b'"' not in text:
+    last = text.rfind(b'"')
+    if last < 0:
         return text, None
-    characters = np.frombuffer(text, dtype=np.uint8)
+    # beyond the line of the last quote nothing is open: a header in quotes costs no look at the rows
+    characters = np.frombuffer(text[: text.find(b"\n", last) + 1] or text, dtype=np.uint8)
     quotes = np.cumsum(characters == ord('"'))[characters == ord("\n")]
     if not (np.diff(quotes, prepend=0) % 2).any():
         return text, None
