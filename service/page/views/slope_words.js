@@ -1,0 +1,90 @@
+// @ts-check
+// Slope, in words: each number and each reason is one of the answer's.
+
+import { address, download, hasToken } from "../api.js";
+import { datum, h, percent, say, shown } from "../dom.js";
+
+const OUTCOMES = { climbs: "climbs", stalls: "stalls", slides: "slides back" };
+const CHANCES = { passes: "goes on", sticks: "gets stuck", slides: "slides" };
+const FORMS = { csv: "CSV", json: "JSON", svg: "SVG", png: "PNG", usda: "USD", npz: "NPZ", arrow: "Arrow" };
+
+/** The summary as a list of facts. @param {any} answer */
+export function facts({ summary, scenario, band }) {
+  const { final_x_m, mean_speed_m_s, slip_ratio, distance_m } = summary;
+  const last = band ? band.x_lower_m.length - 1 : 0;
+  const entries = [
+    [`Uphill after ${shown(scenario.horizon_s, scenario.horizon_s % 1 ? 1 : 0)} s`, datum("final_x_m", final_x_m, 3, "m")],
+    ...(band ? [[`${Math.round(band.level * 100)} % within`, h("span", {}, datum("x_lower_m", band.x_lower_m[last], 3), " to ", datum("x_upper_m", band.x_upper_m[last], 3, "m"))]] : []),
+    ["Mean speed", datum("mean_speed_m_s", mean_speed_m_s, 3, "m/s")],
+    ["Slip ratio", datum("slip_ratio", slip_ratio, 2)],
+    ["Way, back and forth", datum("distance_m", distance_m, 2, "m")],
+  ];
+  return entries.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)));
+}
+
+/** Where the answer comes from, and whether the version knows such scenarios. @param {any} answer */
+export function answered({ model, domain }) {
+  const near = domain.nearest_runs;
+  const which = `${model.name}, version ${model.version}${model.alias ? ` (${model.alias})` : ""}`;
+  const words = domain.inside
+    ? h("p.notice", {}, h("strong", {}, "Known ground. "), `Scenarios like this one are among the runs of ${which}.`)
+    : h("div.notice.warn", {}, h("p", {}, h("strong", {}, "Outside what was validated. "), `${which} has seen no such runs:`),
+      h("ul", {}, ...domain.reasons.map((/** @type {any} */ each) => h("li", {}, each.detail))));
+  const table = near.length > 0 && h("details", {}, h("summary", {}, "Nearest simulated runs, and how well they were predicted unseen"),
+    h("div.scroll", { tabindex: "0", role: "region", "aria-label": "Nearest runs" }, h("table", {},
+      h("thead", {}, h("tr", {}, ...["Slope (°)", "Mass (kg)", "Torque (N m)", "Error at the end (m)"].map((each) => h("th", { scope: "col" }, each)))),
+      h("tbody", {}, ...near.map((/** @type {any} */ run) => h("tr", { title: run.run }, h("td", {}, run.slope_deg), h("td", {}, run.mass_kg), h("td", {}, run.torque_nm),
+        h("td", {}, shown(run.left_out_final_error_m, 3))))))));
+  return [words, table];
+}
+
+/**
+ * Should it drive? From the outcome, the domain and, once they are there, the steepest slope and the probabilities.
+ * @param {any} answer
+ * @param {any} map  of this torque; null: not there
+ * @param {any} drive  over this slope; null: not there
+ */
+export function judged(answer, map, drive) {
+  const { summary, domain, scenario } = answer;
+  const steepest = map?.steepest_climb_slope_deg[0] ?? null;
+  const sure = map?.confidence ? percent(map.confidence) : "";
+  const outcome = `The rover ${OUTCOMES[/** @type {keyof typeof OUTCOMES} */ (summary.outcome)] ?? summary.outcome}.`;
+  const limit = steepest === null ? "" : `At this mass and torque it climbs up to ${shown(steepest, 1)}°${sure ? ` with ${sure} confidence` : " by the central estimate"}.`;
+  let [kind, head] = ["bad", "No."];
+  if (!domain.inside) [kind, head] = ["warn", "Do not rely on this."];
+  else if (summary.outcome === "climbs") {
+    if (!map) [kind, head] = ["", "It gets up."];
+    else if (steepest !== null && scenario.slope_deg <= steepest) [kind, head] = ["good", "Yes, drive."];
+    else [kind, head] = ["warn", "Not sure enough."];
+  }
+  const chances = drive?.summary.probabilities;
+  return h(`div.notice.verdict${kind && `.${kind}`}`, { "data-verdict": kind },
+    h("p", {}, h("strong", {}, head), ` ${outcome} ${limit}`),
+    chances && h("p.small", {}, "Chances: ", Object.entries(CHANCES).map(([name, words]) => `${words} ${percent(chances[name])}`).join(", "), "."));
+}
+
+/** In place of an answer. @param {import("../api.js").Problem} problem @param {{message: string}[]} faults */
+export function noAnswer(problem, faults) {
+  const words = problem.fields.length && !faults.length ? "Look at the marked fields." : problem.message;
+  return h("div.notice.bad.verdict", { "data-verdict": "none" }, h("strong", {}, `${problem.title}. `), words);
+}
+
+/** The same question for other programs. @param {Record<string, any>} question */
+export function asLinks(question) {
+  const href = (/** @type {string} */ format) => address("v1/predictions", { ...question, format });
+  const get = (/** @type {string} */ form) => async (/** @type {Event} */ event) => {
+    if (!hasToken()) return;
+    event.preventDefault(); // a link would come without the token
+    await download(href(form), `prediction.${form}`);
+  };
+  const plain = address("v1/predictions", question);
+  const command = `curl "${plain}"`;
+  const copy = h("button", { type: "button", click: async () => {
+    await navigator.clipboard.writeText(command);
+    say("Copied");
+    copy.textContent = "Copied";
+  } }, "Copy");
+  return h("div.stack", {},
+    h("ul.links", {}, ...Object.entries(FORMS).map(([form, words]) => h("li", {}, h("a", { href: href(form), click: get(form), "data-form": form }, words)))),
+    h("div.row", {}, h("pre.command", { tabindex: "0", role: "region", "aria-label": "The question as a curl command" }, command), copy));
+}
