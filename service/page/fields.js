@@ -60,18 +60,24 @@ export function references(all) {
 }
 
 /**
- * The ranges of the runs that a version was trained on, by field; nothing where that cannot be known.
- * @param {string} reference  empty: the service's default model
- * @returns {Promise<Record<string, [number, number]>>}
+ * What a version knows. `ranges` are those of the runs that it was trained on, by field.
+ * @typedef {{ranges: Record<string, [number, number]>, band: boolean, drives: boolean}} Knowledge
  */
-export async function domainOf(reference) {
+
+/**
+ * What a version knows, from its manifest; undefined where that cannot be read: the answer to the question says why.
+ * @param {string} reference  empty: the service's default model
+ * @returns {Promise<Knowledge | undefined>}
+ */
+export async function knowledgeOf(reference) {
   try {
     const { name, version } = await resolved(reference);
-    const told = (await askJson(`v1/models/${name}/versions/${version}`)).domain ?? {};
-    return Object.fromEntries(Object.entries(told).filter(([, range]) =>
-      Array.isArray(range) && range.length === 2 && range.every((each) => typeof each === "number")));
+    const { domain, band, checkpoint } = await askJson(`v1/models/${name}/versions/${version}`);
+    const ranges = Object.entries(domain ?? {}).filter(([, range]) =>
+      Array.isArray(range) && range.length === 2 && range.every((each) => typeof each === "number"));
+    return { ranges: Object.fromEntries(ranges), band: Boolean(band), drives: checkpoint?.architecture?.name === "drive_model" };
   } catch {
-    return {}; // the answer to the question itself says what is wrong
+    return undefined;
   }
 }
 

@@ -3,6 +3,7 @@
 //
 // A view is a module `views/NAME.js` with `mount(element, state)`, which returns, or promises, `{update(state), unmount()}`.
 
+import { onToken } from "./api.js";
 import { h, say } from "./dom.js";
 import { lastOf, listen, read } from "./state.js";
 import { install } from "./token.js";
@@ -89,5 +90,10 @@ document.getElementById("skip")?.addEventListener("click", (event) => {
   main.focus();
 });
 install(/** @type {HTMLElement} */ (document.getElementById("token")));
+onToken((wanted) => {
+  if (wanted) return;
+  stop(); // who asks with another token sees other things
+  void show(read(), { first: true });
+});
 listen((state) => void show(state));
 void show(read(), { first: true });

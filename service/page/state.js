@@ -60,10 +60,11 @@ export function go(view, query) {
 
 /** Hear of each change of the address that was not written here. @param {(state: State) => void} heard */
 export function listen(heard) {
-  const changed = () => {
+  const noted = () => {
     const state = read();
     last.set(state.view, addressOf(state.view, state.query));
-    heard(state);
+    return state;
   };
-  addEventListener("hashchange", changed); // a link, an edited address, "back" and "forward"
+  noted();
+  addEventListener("hashchange", () => heard(noted())); // a link, an edited address, "back" and "forward"
 }

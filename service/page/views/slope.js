@@ -1,11 +1,11 @@
 // @ts-check
 // Slope: one scenario by sliders. Where the rover goes, how sure that is, and whether it should drive.
 
-import { Newest, Problem, ask, askJson } from "../api.js";
+import { Newest, Problem, askJson } from "../api.js";
 import { Chart } from "../chart.js";
 import { NumberControl, versionControl } from "../controls.js";
 import { fill, h, later, say } from "../dom.js";
-import { domainOf, fieldsOf } from "../fields.js";
+import { fieldsOf, knowledgeOf } from "../fields.js";
 import { write } from "../state.js";
 import { answered, asLinks, facts, judged, noAnswer } from "./slope_words.js";
 
@@ -30,8 +30,10 @@ class Slope {
     const heard = { input: () => this.#changed(), commit: () => this.#committed() };
     this.controls = Object.fromEntries(Object.entries(NAMES).map(([name, label]) => [name, new NumberControl(fields[name], label, heard)]));
     this.version = versionControl(model, () => void this.#versionChosen());
-    this.known = ""; // the version whose domain the sliders show
+    /** @type {string | undefined} the version whose domain the sliders show */
+    this.known = undefined;
     this.parts = PARTS[0];
+    this.drives = true;
     this.verdict = h("div", { role: "status", "aria-live": "polite" });
     this.facts = h("dl.facts");
     this.domain = h("div");
@@ -73,9 +75,9 @@ class Slope {
   }
 
   /** @param {import("../state.js").State} state */
-  update(state) {
+  async update(state) {
     this.#take(state.query);
-    void this.#domain();
+    await this.#domain();
     this.#ask();
   }
 
@@ -99,18 +101,19 @@ class Slope {
 
   async #domain() {
     const reference = this.version.value;
-    if (this.known === reference && this.known !== "") return;
-    const ranges = await domainOf(reference);
+    if (this.known === reference) return;
+    const known = await knowledgeOf(reference);
     if (reference !== this.version.value) return;
     this.known = reference;
-    for (const [name, control] of Object.entries(this.controls)) control.range(ranges[name]);
+    this.parts = PARTS[known && !known.band ? 1 : 0];
+    this.drives = known?.drives ?? true;
+    for (const [name, control] of Object.entries(this.controls)) control.range(known?.ranges[name]);
   }
 
   async #versionChosen() {
-    this.parts = PARTS[0];
     this.#committed();
-    this.#ask();
     await this.#domain();
+    this.#ask();
   }
 
   #changed() {
@@ -180,7 +183,7 @@ class Slope {
     const quiet = (/** @type {unknown} */ error) => { if (!(error instanceof Problem) && !signal.aborted) throw error; };
     const [steepest, chances] = await Promise.all([
       askJson("v1/mobility", { query: map, signal }).catch(quiet),
-      ask("v1/drives", { body: drive, signal }).then((answer) => answer.json()).catch(quiet), // only some versions know it
+      this.drives ? askJson("v1/drives", { body: drive, signal }).catch(quiet) : null,
     ]);
     if (signal.aborted || this.charts.dataset.shown !== key) {
       if (!signal.aborted) this.rest.call();
