@@ -19,11 +19,9 @@ let schemas;
  * @returns {Promise<Record<string, Field>>}
  */
 export async function fieldsOf(question) {
-  schemas ??= askJson("page/fields.json");
-  schemas.catch(() => { schemas = undefined; }); // asked anew, the next time
   /** @type {Record<string, Field>} */
   const found = {};
-  for (const [name, told] of Object.entries((await schemas)[question].properties)) {
+  for (const [name, told] of Object.entries((await schemaOf(question)).properties)) {
     const said = /** @type {any} */ (told);
     const range = said.type ? said : said.anyOf?.find((/** @type {any} */ each) => "minimum" in each) ?? said;
     if (range.type !== "number" && range.type !== "integer") continue;
@@ -37,6 +35,20 @@ export async function fieldsOf(question) {
     };
   }
   return found;
+}
+
+/** The forms that an answer can have, as `format` takes them. @param {"prediction" | "mobility"} question @returns {Promise<string[]>} */
+export async function formsOf(question) {
+  const { properties, $defs } = await schemaOf(question);
+  const { $ref = "", anyOf = [] } = properties.format;
+  return $defs[($ref || anyOf[0]?.$ref || "").split("/").at(-1)]?.enum ?? [];
+}
+
+/** @param {"prediction" | "mobility"} question */
+async function schemaOf(question) {
+  schemas ??= askJson("page/fields.json");
+  schemas.catch(() => { schemas = undefined; }); // asked anew, the next time
+  return (await schemas)[question];
 }
 
 /** @typedef {{name: string, versions: number[], archived: number[], deleted: number[], aliases: Record<string, number>}} ModelEntry */

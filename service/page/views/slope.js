@@ -5,9 +5,10 @@ import { Newest, Problem, askJson } from "../api.js";
 import { Chart } from "../chart.js";
 import { NumberControl, versionControl } from "../controls.js";
 import { fill, h, later, say } from "../dom.js";
-import { fieldsOf, knowledgeOf } from "../fields.js";
+import { fieldsOf, formsOf, knowledgeOf } from "../fields.js";
+import { elsewhere } from "../links.js";
 import { write } from "../state.js";
-import { answered, asLinks, facts, judged, noAnswer } from "./slope_words.js";
+import { answered, facts, judged, noAnswer } from "./slope_words.js";
 
 const NAMES = /** @type {const} */ ({ slope_deg: "Slope", mass_kg: "Mass", torque_nm: "Wheel torque", horizon_s: "Time" });
 const POINTS = 200;
@@ -20,6 +21,7 @@ const PARTS = ["prior,band,speed", "prior,speed"]; // a version without band ref
 /** @param {HTMLElement} element @param {import("../state.js").State} state */
 export async function mount(element, state) {
   const view = new Slope(element, await fieldsOf("prediction"), state.query.get("model") ?? "");
+  view.forms = await formsOf("prediction");
   await view.open(state);
   return view;
 }
@@ -34,6 +36,8 @@ class Slope {
     this.known = undefined;
     this.parts = PARTS[0];
     this.drives = true;
+    /** @type {string[]} */
+    this.forms = [];
     this.verdict = h("div", { role: "status", "aria-live": "polite" });
     this.facts = h("dl.facts");
     this.domain = h("div");
@@ -164,7 +168,7 @@ class Slope {
     this.speed.show(trajectory);
     fill(this.facts, ...facts(answer));
     fill(this.domain, ...answered(answer));
-    fill(this.links, asLinks(question));
+    fill(this.links, elsewhere("v1/predictions", question, this.forms));
     this.charts.dataset.shown = new URLSearchParams(/** @type {any} */ (asked)).toString();
     this.outcome = summary.outcome;
     if (this.judgement !== this.charts.dataset.shown) fill(this.verdict, judged(answer, null, null));

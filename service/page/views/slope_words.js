@@ -1,12 +1,10 @@
 // @ts-check
 // Slope, in words: each number and each reason is one of the answer's.
 
-import { address, download, hasToken } from "../api.js";
-import { datum, h, percent, say, shown } from "../dom.js";
+import { datum, h, percent, shown } from "../dom.js";
 
 const OUTCOMES = { climbs: "climbs", stalls: "stalls", slides: "slides back" };
 const CHANCES = { passes: "goes on", sticks: "gets stuck", slides: "slides" };
-const FORMS = { csv: "CSV", json: "JSON", svg: "SVG", png: "PNG", usda: "USD", npz: "NPZ", arrow: "Arrow" };
 
 /** The summary as a list of facts. @param {any} answer */
 export function facts({ summary, scenario, band }) {
@@ -67,24 +65,4 @@ export function judged(answer, map, drive) {
 export function noAnswer(problem, faults) {
   const words = problem.fields.length && !faults.length ? "Look at the marked fields." : problem.message;
   return h("div.notice.bad.verdict", { "data-verdict": "none" }, h("strong", {}, `${problem.title}. `), words);
-}
-
-/** The same question for other programs. @param {Record<string, any>} question */
-export function asLinks(question) {
-  const href = (/** @type {string} */ format) => address("v1/predictions", { ...question, format });
-  const get = (/** @type {string} */ form) => async (/** @type {Event} */ event) => {
-    if (!hasToken()) return;
-    event.preventDefault(); // a link would come without the token
-    await download(href(form), `prediction.${form}`);
-  };
-  const plain = address("v1/predictions", question);
-  const command = `curl "${plain}"`;
-  const copy = h("button", { type: "button", click: async () => {
-    await navigator.clipboard.writeText(command);
-    say("Copied");
-    copy.textContent = "Copied";
-  } }, "Copy");
-  return h("div.stack", {},
-    h("ul.links", {}, ...Object.entries(FORMS).map(([form, words]) => h("li", {}, h("a", { href: href(form), click: get(form), "data-form": form }, words)))),
-    h("div.row", {}, h("pre.command", { tabindex: "0", role: "region", "aria-label": "The question as a curl command" }, command), copy));
 }
