@@ -45,14 +45,13 @@ export class NumberControl {
       heard.commit();
     });
     this.range([field.minimum, field.maximum]);
+    this.set(field.start);
   }
 
   /** Show this value. @param {number} value @param {{typed?: boolean}} [how]  typed: leave the field as it is written */
   set(value, { typed = false } = {}) {
     this.value = value;
-    this.#stretch();
-    this.slider.value = String(value);
-    this.slider.setAttribute("aria-valuetext", `${value} ${this.field.unit}`);
+    this.#place();
     if (!typed) this.number.value = String(Number(value.toPrecision(10)));
     this.complain("");
   }
@@ -69,8 +68,8 @@ export class NumberControl {
     this.low = Math.max(minimum, down(low - beyond));
     this.high = Math.min(maximum, -down(-high - beyond));
     if (this.low <= 0 && minimum > 0) this.low = Math.max(minimum, this.step);
-    this.set(this.value);
-    this.#hint();
+    this.#place();
+    if (!this.element.classList.contains("wrong")) this.#hint(); // what is wrong stays wrong
   }
 
   /** Say what is wrong with it; nothing: all is well. @param {string} words */
@@ -93,7 +92,8 @@ export class NumberControl {
     }
   }
 
-  #stretch() {
+  /** Put the slider where the value is; where that is beyond its ends, they move. */
+  #place() {
     const low = Math.min(this.low, this.value);
     const high = Math.max(this.high, this.value);
     Object.assign(this.slider, { min: String(low), max: String(high), step: String(this.step) });
@@ -101,6 +101,8 @@ export class NumberControl {
     const share = (/** @type {number} */ at) => `${(100 * Math.min(1, Math.max(0, (at - low) / (high - low)))).toFixed(2)}%`;
     this.slider.style.setProperty("--from", share(first));
     this.slider.style.setProperty("--to", share(last));
+    this.slider.value = String(this.value);
+    this.slider.setAttribute("aria-valuetext", `${this.value} ${this.field.unit}`);
   }
 }
 

@@ -84,7 +84,7 @@ export function references(all) {
 export async function knowledgeOf(reference) {
   try {
     const { name, version } = await resolved(reference);
-    const { domain, band, checkpoint } = await askJson(`v1/models/${name}/versions/${version}`);
+    const { domain, band, checkpoint } = await askJson(`v1/models/${encodeURIComponent(name)}/versions/${version}`);
     const ranges = Object.entries(domain ?? {}).filter(([, range]) =>
       Array.isArray(range) && range.length === 2 && range.every((each) => typeof each === "number"));
     return { ranges: Object.fromEntries(ranges), band: Boolean(band), drives: checkpoint?.architecture?.name === "drive_model" };
@@ -98,5 +98,5 @@ async function resolved(reference) {
   if (!reference) return (await askJson("health/ready")).model;
   const [name, at = "champion"] = reference.split("@");
   if (/^[0-9]+$/.test(at)) return { name, version: at };
-  return { name, version: (await askJson(`v1/models/${name}`)).aliases[at] };
+  return { name, version: (await askJson(`v1/models/${encodeURIComponent(name)}`)).aliases[at] };
 }

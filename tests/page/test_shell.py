@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from urllib.parse import quote
+
+import httpx
 import pytest
 
 from tests.api.conftest import TOKEN
@@ -71,6 +78,17 @@ def test_an_unknown_view_says_so(seen):
     page.wait_for_selector("[data-shown]")
 
 
+@pytest.mark.parametrize("address", ["#{}", "#slope?model={}", "#slope?slope_deg={}", "#mobility?layer={}&model={}"])
+def test_markup_in_an_address_stays_text(seen, address):
+    seen.forgiven = ("404", "422")
+    page = seen.go(address.replace("{}", quote("<img src=x onerror=document.title=1>")))
+    page.wait_for_selector("h1")
+    page.wait_for_load_state("networkidle")
+
+    assert page.locator("main img").count() == 0
+    assert page.title() != "1"
+
+
 def test_the_keyboard_alone_gets_from_the_first_link_to_a_view(seen):
     page = seen.go("#slope")
     page.wait_for_selector("[data-shown]")
@@ -102,3 +120,49 @@ def test_where_a_token_is_needed_the_page_asks_for_it_and_keeps_it_nowhere(open_
     assert TOKEN not in page.evaluate(kept)
     page.reload()
     page.get_by_role("dialog").wait_for()
+
+
+@contextmanager
+def prefixed(origin: str) -> Iterator[str]:
+    """A proxy that shows a service under `/rover/` and does not tell it."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            assert self.path.startswith("/rover/")
+            self._send(httpx.get(origin + self.path.removeprefix("/rover"), trust_env=False))
+
+        def do_POST(self) -> None:
+            body = self.rfile.read(int(self.headers["Content-Length"]))
+            headers = {"Content-Type": self.headers["Content-Type"]}
+            address = origin + self.path.removeprefix("/rover")
+            self._send(httpx.post(address, content=body, headers=headers, trust_env=False))
+
+        def _send(self, answer: httpx.Response) -> None:
+            self.send_response(answer.status_code)
+            for name in ("content-type", "content-security-policy"):
+                if name in answer.headers:
+                    self.send_header(name, answer.headers[name])
+            self.send_header("Content-Length", str(len(answer.content)))
+            self.end_headers()
+            self.wfile.write(answer.content)
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_address[1]}/rover"
+        server.shutdown()
+        thread.join(10)
+
+
+def test_behind_a_proxy_with_a_prefix_it_works_and_asks_under_the_prefix_only(open_at, shipped):
+    with prefixed(shipped.url) as url:
+        seen = open_at(url)
+        page = seen.go("#slope?slope_deg=28&mass_kg=430&torque_nm=60&horizon_s=10")
+        page.wait_for_selector("[data-judged]")
+
+        assert all(each.startswith(f"{url}/") for each in seen.requests)
+        assert page.locator('[data-form="csv"]').get_attribute("href").startswith(f"{url}/v1/predictions?")
+        page.context.close()

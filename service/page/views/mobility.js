@@ -41,7 +41,7 @@ class Mobility {
       min: fields[name].minimum, max: fields[name].maximum, change: () => { this.#committed(); } })]));
     this.reading = h("p.reading", { role: "status" }, "Point at the map, or use the arrow keys. A click or Enter opens the slope.");
     this.map = new MobilityMap({ read: (words) => { this.reading.textContent = words; }, take: (torque, slope) => this.#take(torque, slope) });
-    this.answerRoom = h("div", { role: "status", "aria-live": "polite" }, h("p.notice", {}, "The map is being made."));
+    this.answerRoom = h("div", {}, h("p.notice", {}, "The map is being made."));
     this.legend = h("ul.legend", { "aria-label": "What the colours mean" });
     this.steepest = h("div.steepest", { tabindex: "0", role: "region", "aria-label": "Steepest slope of each torque" });
     this.cells = h("div.scroll", { tabindex: "0", role: "region", "aria-label": "All cells" });
@@ -167,6 +167,7 @@ class Mobility {
     fill(this.links, elsewhere("v1/mobility", asked, this.forms));
     this.map.element.dataset.cells = cells === MOST ? "all" : "few";
     if (cells !== MOST) this.rest.call();
+    else say(this.answerRoom.textContent);
     this.map.element.dataset.shown = new URLSearchParams(asked).toString();
     this.map.element.setAttribute("aria-label", `Mobility map for ${shown(answer.mass_kg, 0)} kg: ${answer.torque_nm.length} torques, ${answer.slope_deg.length} slopes`);
   }

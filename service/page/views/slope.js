@@ -8,7 +8,7 @@ import { fill, h, later, say } from "../dom.js";
 import { fieldsOf, formsOf, knowledgeOf } from "../fields.js";
 import { elsewhere } from "../links.js";
 import { write } from "../state.js";
-import { answered, facts, judged, noAnswer } from "./slope_words.js";
+import { answered, facts, judged, nearest, noAnswer } from "./slope_words.js";
 
 const NAMES = /** @type {const} */ ({ slope_deg: "Slope", mass_kg: "Mass", torque_nm: "Wheel torque", horizon_s: "Time" });
 const POINTS = 200;
@@ -38,9 +38,15 @@ class Slope {
     this.drives = true;
     /** @type {string[]} */
     this.forms = [];
-    this.verdict = h("div", { role: "status", "aria-live": "polite" });
+    /** @type {any} */
+    this.answer = undefined;
+    /** @type {Question | undefined} what was asked for it by the sliders, and by all of the address */
+    this.asked = this.question = undefined;
+    this.verdict = h("div");
     this.facts = h("dl.facts");
     this.domain = h("div");
+    this.runs = h("div.scroll", { tabindex: "0", role: "region", "aria-label": "Nearest runs" });
+    this.near = h("details", {}, h("summary", {}, "Nearest simulated runs, and how well they were predicted unseen"), this.runs);
     this.links = h("div");
     this.charts = h("div.stack");
     this.#lay(element);
@@ -67,7 +73,7 @@ class Slope {
         h("form.card", { "aria-label": "Scenario", submit: (/** @type {Event} */ event) => event.preventDefault() },
           ...Object.values(this.controls).map((each) => each.element), this.version.element,
           h("p.small.muted", {}, "The coloured part of a slider is where the version has seen runs.")),
-        h("div.stack", {}, h("div.card.stack", {}, this.verdict, this.facts, this.domain), this.charts,
+        h("div.stack", {}, h("div.card.stack", {}, this.verdict, this.facts, this.domain, this.near), this.charts,
           h("div.card", {}, h("h2", {}, "The same question elsewhere"), this.links))));
   }
 
@@ -138,9 +144,9 @@ class Slope {
   }
 
   #ask() {
+    this.rest.cancel();
     this.judging.abort();
     this.newest.ask(this.#asked());
-    this.rest.call();
   }
 
   /** @param {Question} asked @param {AbortSignal} signal @returns {Promise<{answer: any, question: Question}>} */
@@ -160,23 +166,26 @@ class Slope {
 
   /** @param {{answer: any, question: Question}} found @param {Question} asked */
   #show({ answer, question }, asked) {
-    const { trajectory, prior, band, summary } = answer;
-    this.answer = answer;
+    const { trajectory, prior, band } = answer;
+    Object.assign(this, { answer, question, asked });
     this.#complain([]);
     if (band && this.position.what.band) this.position.what.band.label = `${Math.round(band.level * 100)} % band`;
     this.position.show({ ...trajectory, prior_x_m: prior?.x_m, x_lower_m: band?.x_lower_m, x_upper_m: band?.x_upper_m });
     this.speed.show(trajectory);
     fill(this.facts, ...facts(answer));
-    fill(this.domain, ...answered(answer));
-    fill(this.links, elsewhere("v1/predictions", question, this.forms));
+    fill(this.domain, answered(answer));
     this.charts.dataset.shown = new URLSearchParams(/** @type {any} */ (asked)).toString();
-    this.outcome = summary.outcome;
-    if (this.judgement !== this.charts.dataset.shown) fill(this.verdict, judged(answer, null, null));
+    fill(this.verdict, judged(answer, null, null));
+    delete this.verdict.dataset.judged;
+    this.rest.call();
   }
 
   /** What takes longer and can wait: how steep it may be at this torque, and how probable each outcome is. */
   async #judge() {
-    const asked = this.#asked();
+    const { asked, answer } = this;
+    if (!asked || !answer) return;
+    if (this.question) fill(this.links, elsewhere("v1/predictions", this.question, this.forms));
+    this.#nearest();
     const key = new URLSearchParams(/** @type {any} */ (asked)).toString();
     this.judging = new AbortController();
     const { signal } = this.judging;
@@ -189,18 +198,20 @@ class Slope {
       askJson("v1/mobility", { query: map, signal }).catch(quiet),
       this.drives ? askJson("v1/drives", { body: drive, signal }).catch(quiet) : null,
     ]);
-    if (signal.aborted || this.charts.dataset.shown !== key) {
-      if (!signal.aborted) this.rest.call();
-      return;
-    }
-    this.judgement = key;
-    fill(this.verdict, judged(this.answer, steepest, chances));
+    if (signal.aborted) return; // another question was asked meanwhile
+    fill(this.verdict, judged(answer, steepest, chances));
     this.verdict.dataset.judged = key;
+    say(this.verdict.textContent);
+  }
+
+  #nearest() {
+    const runs = this.answer?.domain.nearest_runs ?? [];
+    this.near.hidden = runs.length === 0;
+    fill(this.runs, nearest(runs));
   }
 
   /** @param {Problem} problem */
   #refused(problem) {
-    this.rest.cancel();
     const rest = this.#complain(problem.fields);
     fill(this.verdict, noAnswer(problem, rest));
     fill(this.facts);

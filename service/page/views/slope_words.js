@@ -20,20 +20,20 @@ export function facts({ summary, scenario, band }) {
   return entries.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)));
 }
 
-/** Where the answer comes from, and whether the version knows such scenarios. @param {any} answer */
+/** Whether the version knows such scenarios. @param {any} answer */
 export function answered({ model, domain }) {
-  const near = domain.nearest_runs;
   const which = `${model.name}, version ${model.version}${model.alias ? ` (${model.alias})` : ""}`;
-  const words = domain.inside
-    ? h("p.notice", {}, h("strong", {}, "Known ground. "), `Scenarios like this one are among the runs of ${which}.`)
-    : h("div.notice.warn", {}, h("p", {}, h("strong", {}, "Outside what was validated. "), `${which} has seen no such runs:`),
-      h("ul", {}, ...domain.reasons.map((/** @type {any} */ each) => h("li", {}, each.detail))));
-  const table = near.length > 0 && h("details", {}, h("summary", {}, "Nearest simulated runs, and how well they were predicted unseen"),
-    h("div.scroll", { tabindex: "0", role: "region", "aria-label": "Nearest runs" }, h("table", {},
-      h("thead", {}, h("tr", {}, ...["Slope (°)", "Mass (kg)", "Torque (N m)", "Error at the end (m)"].map((each) => h("th", { scope: "col" }, each)))),
-      h("tbody", {}, ...near.map((/** @type {any} */ run) => h("tr", { title: run.run }, h("td", {}, run.slope_deg), h("td", {}, run.mass_kg), h("td", {}, run.torque_nm),
-        h("td", {}, shown(run.left_out_final_error_m, 3))))))));
-  return [words, table];
+  if (domain.inside) return h("p.notice", {}, h("strong", {}, "Known ground. "), `Scenarios like this one are among the runs of ${which}.`);
+  return h("div.notice.warn", {}, h("p", {}, h("strong", {}, "Outside what was validated. "), `${which} has seen no such runs:`),
+    h("ul", {}, ...domain.reasons.map((/** @type {any} */ each) => h("li", {}, each.detail))));
+}
+
+/** The nearest simulated runs as rows of a table. @param {any[]} runs */
+export function nearest(runs) {
+  const heads = ["Slope (°)", "Mass (kg)", "Torque (N m)", "Error at the end (m)"];
+  return h("table", {}, h("thead", {}, h("tr", {}, ...heads.map((each) => h("th", { scope: "col" }, each)))),
+    h("tbody", {}, ...runs.map((run) => h("tr", { title: run.run },
+      ...[run.slope_deg, run.mass_kg, run.torque_nm, shown(run.left_out_final_error_m, 3)].map((each) => h("td", {}, each))))));
 }
 
 /**
@@ -46,12 +46,13 @@ export function judged(answer, map, drive) {
   const { summary, domain, scenario } = answer;
   const steepest = map?.steepest_climb_slope_deg[0] ?? null;
   const sure = map?.confidence ? percent(map.confidence) : "";
-  const outcome = `The rover ${OUTCOMES[/** @type {keyof typeof OUTCOMES} */ (summary.outcome)] ?? summary.outcome}.`;
+  const goes = summary.outcome === "climbs" && scenario.slope_deg <= 0 ? "drives on" : "";
+  const outcome = `The rover ${goes || (OUTCOMES[/** @type {keyof typeof OUTCOMES} */ (summary.outcome)] ?? summary.outcome)}.`;
   const limit = steepest === null ? "" : `At this mass and torque it climbs up to ${shown(steepest, 1)}°${sure ? ` with ${sure} confidence` : " by the central estimate"}.`;
   let [kind, head] = ["bad", "No."];
   if (!domain.inside) [kind, head] = ["warn", "Do not rely on this."];
   else if (summary.outcome === "climbs") {
-    if (!map) [kind, head] = ["", "It gets up."];
+    if (!map) [kind, head] = ["", goes ? "It drives on." : "It gets up."];
     else if (steepest !== null && scenario.slope_deg <= steepest) [kind, head] = ["good", "Yes, drive."];
     else [kind, head] = ["warn", "Not sure enough."];
   }
