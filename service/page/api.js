@@ -2,7 +2,7 @@
 // Asking the service. Addresses are relative to the page, so that it works behind a proxy with a prefix.
 
 const DEADLINE_S = 20;
-const PATIENCE_MS = 400; // so long an outdated question may still be answered
+const PATIENCE_MS = 2000; // so long an outdated question may still be answered: giving up sooner, a slow service would never answer any
 
 let token = ""; // in memory only: gone with the page
 /** @type {Set<(wanted: boolean) => void>} */
