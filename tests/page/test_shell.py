@@ -118,6 +118,10 @@ def test_where_a_token_is_needed_the_page_asks_for_it_and_keeps_it_nowhere(open_
     assert page.get_by_role("button", name="Token in use").is_visible()
     kept = "JSON.stringify([localStorage, sessionStorage, document.cookie, location.href, history.state])"
     assert TOKEN not in page.evaluate(kept)
+    page.wait_for_selector('[data-form="csv"]')
+    with page.expect_download() as loaded:
+        page.locator('[data-form="csv"]').click()  # a plain link would come without the token
+    assert loaded.value.path().read_text().startswith("time_s,x_m,y_m")
     page.reload()
     page.get_by_role("dialog").wait_for()
 
