@@ -43,7 +43,7 @@ export class MobilityMap {
     this.scheme.addEventListener("change", this.recolor);
   }
 
-  /** @param {any} answer  of `/v1/mobility` */
+  /** @param {any} answer  the map as the service answers it */
   show(answer) {
     const before = this.answer;
     this.answer = answer;

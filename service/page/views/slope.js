@@ -14,6 +14,7 @@ const NAMES = /** @type {const} */ ({ slope_deg: "Slope", mass_kg: "Mass", torqu
 const POINTS = 200;
 const REST_MS = 250; // after the last change, before what may wait is asked
 const KEEP_MS = 400;
+const DOMAIN_MS = 1000; // so long the first question waits for the ranges of the version
 const PARTS = ["prior,band,speed", "prior,speed"]; // a version without band refuses the first
 
 /** @typedef {Record<string, number | string>} Question */
@@ -80,7 +81,7 @@ class Slope {
   /** @param {import("../state.js").State} state */
   async open(state) {
     this.#take(state.query);
-    await Promise.race([this.#domain(), new Promise((resolve) => setTimeout(resolve, 500))]);
+    await Promise.race([this.#domain(), new Promise((resolve) => setTimeout(resolve, DOMAIN_MS))]);
     this.#ask();
   }
 
@@ -152,11 +153,12 @@ class Slope {
   /** @param {Question} asked @param {AbortSignal} signal @returns {Promise<{answer: any, question: Question}>} */
   async #predict(asked, signal) {
     const horizon = Number(asked.horizon_s);
-    const question = { ...asked, dt_s: Number(Math.max(0.0001, horizon / POINTS).toPrecision(4)), include: this.parts };
+    const include = this.parts; // may be others when the answer comes
+    const question = { ...asked, dt_s: Number(Math.max(0.0001, horizon / POINTS).toPrecision(4)), include };
     try {
       return { answer: await askJson("v1/predictions", { query: question, signal }), question };
     } catch (error) {
-      const without = PARTS[PARTS.indexOf(this.parts) + 1];
+      const without = PARTS[PARTS.indexOf(include) + 1];
       const refused = error instanceof Problem && error.fields.some(({ field }) => field === "include");
       if (!refused || without === undefined) throw error;
       this.parts = without;
