@@ -19,7 +19,7 @@ from service import parts, tracing
 from service.access.addresses import networks
 from service.access.failed_logins import FailedLogins
 from service.access.tokens import Tokens
-from service.api import health, metrics
+from service.api import health, metrics, page
 from service.api.access import Access
 from service.api.admin import Gate
 from service.api.http import docs
@@ -233,6 +233,7 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
     app.include_router(steps.router)
     app.include_router(drive_batch.router)
     docs.install(app)
+    app.include_router(page.router)
     for resource in (inference, mobility, models, fmu, suggested_runs, health, metrics, datasets, training_jobs, audit):
         app.include_router(resource.router)
     for router in (aliases.reading, aliases.moving, version_states.reading, version_states.changing):

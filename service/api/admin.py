@@ -14,6 +14,7 @@ from starlette.types import ASGIApp, Receive, Send
 from starlette.types import Scope as AsgiScope
 
 from service.access.tokens import Identity, Scope
+from service.api import page
 from service.api.http.connections.connection import HEALTH_PATHS
 from service.api.http.errors import ErrorAnswers, own_path
 from service.api.http.exceptions import (
@@ -45,6 +46,7 @@ ADMIN_PROBLEMS = (
 """What every admin route can answer besides its own problems."""
 
 _PREFIX = "/v1/admin"
+_OPEN = HEALTH_PATHS | page.PATHS
 _SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 _OLD_ACTOR = "X-Actor"
 _REFUSALS = (AdminOffError, UnauthorizedError, ForbiddenError, TooManyAttemptsError, RepeatedHeaderError)
@@ -62,7 +64,7 @@ _log = structlog.get_logger(__name__)
 class Gate:
     """ASGI middleware: under `/v1/admin` nothing is told without a token, not even which addresses there are.
 
-    With `ROVER_TWIN_REQUIRE_TOKEN` nothing but health is told anywhere.
+    With `ROVER_TWIN_REQUIRE_TOKEN` nothing but health is told anywhere, and the page is shown, which asks for a token.
     """
 
     def __init__(self, app: ASGIApp, answer_to: ErrorAnswers) -> None:
@@ -78,7 +80,7 @@ class Gate:
         if services.settings.require_token or _PREFIX in scope["path"]:
             path = own_path(scope)
             under_admin = path == _PREFIX or path.startswith(_PREFIX + "/")
-            if under_admin or (services.settings.require_token and path not in HEALTH_PATHS):
+            if under_admin or (services.settings.require_token and path not in _OPEN):
                 try:
                     services.access.require(scope, _wanted(scope) if under_admin else Scope.READ)
                 except _REFUSALS as error:

@@ -270,8 +270,9 @@ def test_with_a_token_for_everything_only_health_is_open(serve, file, give, stor
                 continue
             assert answer.status_code == 401, path
             assert answer.headers["www-authenticate"].startswith("Bearer")
-    for path in ("/docs", "/openapi.json", "/metrics", "/no-such-thing", "/", "/v1/live"):
+    for path in ("/docs", "/openapi.json", "/metrics", "/no-such-thing", "/page/no-such-file", "/v1/live"):
         assert service.get(path).status_code == 401, path
+    assert service.get("/").status_code == 200  # the page, which asks for the token
     assert service.client.get("/v1/predictions", params=QUESTION, headers=reader).status_code == 200
     assert service.client.post("/v2/models/viper-lunar/infer", headers=reader, json={}).status_code == 400
     assert service.client.get("/metrics", headers=reader).status_code == 200
