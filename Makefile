@@ -33,6 +33,7 @@ lint: $(VENV)/.dev ## style, and the direction of imports
 types: $(VENV)/.dev ## mypy, strict
 	@$(BIN)/mypy
 	@$(BIN)/mypy --strict clients/python
+	@$(BIN)/mypy --strict clients/omniverse
 
 sanitize: $(VENV)/.dev ## tests of engine and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer (where gcc has them)
 	@PYTEST=$(BIN)/pytest sh tests/learning/drive/sanitize $(ARGS)
