@@ -96,7 +96,8 @@ def test_a_fleet_has_a_prim_for_each_rover(served, tmp_path, capsys):
     rover = text[text.index('        def Xform "Rover"') : text.rindex("    }\n}")]
     site.write_text(text.replace(rover, rover + rover.replace('"Rover"', '"Second"').replace("(3, 4, 5)", "(3, 9, 5)")))
     question = tmp_path / "fleet.json"
-    question.write_text(json.dumps({"drives": [DRIVE, {**DRIVE, "mass_kg": 500}], "track": TRACK}))
+    one = {name: value for name, value in DRIVE.items() if name != "dt_s"}
+    question.write_text(json.dumps({"drives": [one, {**one, "mass_kg": 500}], "dt_s": 0.1}))
 
     assert run(served, site, "--prim", ROVER, "--prim", "/World/Site/Second", "--question", question) == 0
     stage = Usd.Stage.Open(str(site.with_name("site.rover-twin.usda")))
