@@ -79,7 +79,7 @@ $(VENV)/.runtime: $(BIN)/python pyproject.toml constraints.txt hatch_build.py $(
 	@$(PIP) --editable .
 	@touch $@
 
-$(VENV)/.dev: $(VENV)/.runtime clients/python/pyproject.toml
+$(VENV)/.dev: $(VENV)/.runtime clients/python/pyproject.toml clients/omniverse/pyproject.toml
 	@echo "installing what the tests need into $(VENV)"
-	@$(PIP) --editable clients/python --editable '.[dev]'
+	@$(PIP) --editable clients/python --editable clients/omniverse --editable '.[dev]'
 	@touch $@

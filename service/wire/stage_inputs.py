@@ -14,6 +14,7 @@ from service.wire.forms.placement import PLAIN, Placement
 
 _PATH = r"^(/[A-Za-z_][A-Za-z0-9_]{0,63}){1,8}$"
 _FURTHEST_M = 1e7
+_THREE = Field(min_length=3, max_length=3)
 _POINT = "three numbers with commas between them: x,y,z"
 
 
@@ -30,36 +31,37 @@ def _split_commas(value: object) -> object:
     return value.split(",") if isinstance(value, str) else value
 
 
+def _point(sent: list[float] | None) -> tuple[float, float, float] | None:
+    return None if sent is None else (sent[0], sent[1], sent[2])
+
+
 class StageInputs(BaseModel):
     """Where on which stage the rover of a USD layer is."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     prim_path: Annotated[
-        str,
+        Annotated[str, Field(pattern=_PATH)] | SkipJsonSchema[None],
         Field(
-            pattern=_PATH,
             description="USD: the rover's prim on your stage, such as `/World/Rover`. It is moved (`over`), not "
             "defined, unless `proxy` is true. Without it the layer defines `/Rover`.",
             examples=["/World/Rover"],
-            default_factory=str,  # empty: not given; nobody can send that
             json_schema_extra={
                 "x-allowed": "a path such as /World/Rover: 1 to 8 names of letters a-z, digits and _, "
                 "none with a digit first, each of at most 64 characters"
             },
         ),
-    ]
+    ] = None
     origin_m: Annotated[
-        list[Annotated[float, Field(ge=-_FURTHEST_M, le=_FURTHEST_M)]],
+        Annotated[list[Annotated[float, Field(ge=-_FURTHEST_M, le=_FURTHEST_M)]], _THREE] | SkipJsonSchema[None],
         BeforeValidator(_split_commas),
         Field(
-            min_length=3,
-            max_length=3,
-            description="USD: where the zero of the positions is, along the axes of the stage, in metres: x,y,z.",
+            description="USD: where the zero of the positions is, along the axes of the stage, in metres: x,y,z. "
+            "Without it, the zero of the stage.",
             examples=[[12, 3, 0.5]],
-            json_schema_extra={"x-allowed": f"{_POINT}, each -{_FURTHEST_M:g} to {_FURTHEST_M:g}"},
+            json_schema_extra={"x-allowed": f"{_POINT}, each -{_FURTHEST_M:.0f} to {_FURTHEST_M:.0f}"},
         ),
-    ] = [0.0, 0.0, 0.0]
+    ] = None
     heading_deg: Annotated[
         float,
         Field(
@@ -70,18 +72,15 @@ class StageInputs(BaseModel):
         ),
     ] = 0.0
     pivot: Annotated[
-        list[Annotated[float, Field(ge=-1e6, le=1e6)]],
+        Annotated[list[Annotated[float, Field(ge=-1e6, le=1e6)]], _THREE] | SkipJsonSchema[None],
         BeforeValidator(_split_commas),
         Field(
-            min_length=3,
-            max_length=3,
             description="USD: the middle between the rear wheels' centres, which the positions are of, in the asset's "
             "own coordinates: x,y,z. Without it, the asset's zero.",
             examples=[[-0.64, 0, 0.25]],
-            default_factory=list,  # empty: not given; nobody can send that
             json_schema_extra={"x-allowed": f"{_POINT}, each -1000000 to 1000000"},
         ),
-    ]
+    ] = None
     scale: Annotated[
         Annotated[float, Field(ge=1e-6, le=1e6)] | SkipJsonSchema[None],
         Field(description="USD: `xformOp:scale` of the rover. Without it, a rover that is moved keeps its own."),
@@ -105,21 +104,21 @@ class StageInputs(BaseModel):
 
     def require_usd(self, form: str) -> None:
         """Raises InvalidValueError where one of these was given and the answer is another form."""
-        if form != "usda":
-            for name in sorted((StageInputs.model_fields.keys() | {"spacing_m"}) & self.model_fields_set):
-                raise InvalidValueError(name, getattr(self, name), f"nothing beside format={form}: it is for usda")
+        if form != "usda" and not _NAMES.isdisjoint(self.model_fields_set):
+            name = min(_NAMES & self.model_fields_set)
+            value = getattr(self, name)
+            said = str(value) if isinstance(value, UpAxis) else value
+            raise InvalidValueError(name, said, f"nothing beside format={form}: it belongs to format=usda")
 
     def placement(self) -> Placement:
         """The same for the writer of layers."""
-        if self.model_fields_set.isdisjoint(StageInputs.model_fields):
+        if _NAMES.isdisjoint(self.model_fields_set):
             return PLAIN
-        x, y, z = self.origin_m
-        pivot = (self.pivot[0], self.pivot[1], self.pivot[2]) if self.pivot else None
         return Placement(
-            prim_path=self.prim_path,
-            origin_m=(x, y, z),
+            prim_path=self.prim_path or "",
+            origin_m=_point(self.origin_m) or PLAIN.origin_m,
             heading_deg=self.heading_deg,
-            pivot=pivot,
+            pivot=_point(self.pivot),
             scale=self.scale,
             up_axis=self.up_axis.value,
             meters_per_unit=self.meters_per_unit,
@@ -143,3 +142,6 @@ class FleetInputs(StageInputs):
     def placement(self) -> Placement:
         """The same for the writer of layers."""
         return replace(super().placement(), spacing_m=self.spacing_m) if self.spacing_m else super().placement()
+
+
+_NAMES = frozenset(FleetInputs.model_fields)

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
 import shutil
+import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,7 +16,9 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 import model_store
-from rover_twin_usd.command import main
+import rover_twin_usd
+from rover_twin_usd.command import _parser, main
+from service.wire.stage_inputs import FleetInputs
 from tests.api.conftest import Running, serving
 from tests.clients.usd_stages import ROVER, stage_in
 
@@ -161,3 +167,35 @@ def test_a_file_that_is_no_stage_is_said(served, tmp_path, capsys):
     assert run(served, tmp_path / "x.usda", "--prim", "/X", *SCENARIO) == 1
     assert run(served, tmp_path / "none.usda", "--prim", "/X", *SCENARIO) == 1
     assert capsys.readouterr().err.count("rover-twin-usd: ") == 2
+
+
+@pytest.mark.parametrize("page", ["docs/omniverse.md", "clients/omniverse/docs/README.md"])
+def test_the_pages_show_commands_that_there_are(page):
+    text = (Path(__file__).parents[2] / page).read_text()
+    commands = [shlex.split(line)[1:] for line in text.splitlines() if line.startswith("rover-twin-usd ")]
+
+    assert len(commands) >= 2
+    for each in commands:
+        _parser().parse_args(each)
+    for option in re.findall(r"`(--[a-z-]+)`", text):
+        assert option in _parser().format_help() or option == "--usd"
+
+
+def test_the_page_has_every_parameter_of_the_form():
+    text = (Path(__file__).parents[2] / "docs" / "omniverse.md").read_text()
+
+    assert re.findall(r"^\| `([a-z_]+)` \|", text, re.MULTILINE) == list(FleetInputs.model_fields)
+
+
+def test_what_kit_reads_is_there():
+    folder = Path(__file__).parents[2] / "clients" / "omniverse"
+    described = tomllib.loads((folder / "config" / "extension.toml").read_text())
+    packaged = tomllib.loads((folder / "pyproject.toml").read_text())
+
+    assert described["package"]["version"] == packaged["project"]["version"] == rover_twin_usd.__version__
+    for file in ("readme", "changelog"):
+        assert (folder / described["package"][file]).exists()
+    for each in described["python"]["module"]:
+        module = folder / (each["name"].replace(".", "/") + ".py")
+        assert "(omni.ext.IExt)" in module.read_text()
+    assert not {"omni", "carb"} & {name.partition(".")[0] for name in sys.modules}

@@ -58,7 +58,7 @@ ENCODERS: Mapping[Format, Encoder] = MappingProxyType(
         Format.CSV: Encoder("text/csv", encode_csv, text=True, points_at_once=1_000),
         Format.NPZ: Encoder("application/x-npz", encode_npz, text=False, points_at_once=25_000),
         Format.ARROW: Encoder("application/vnd.apache.arrow.stream", encode_arrow, text=False, points_at_once=25_000),
-        Format.USDA: Encoder("model/vnd.usda", encode_usda, text=True, points_at_once=300),
+        Format.USDA: Encoder("model/vnd.usda", encode_usda, text=True, points_at_once=210),
         Format.SVG: Encoder("image/svg+xml", encode_svg, text=True, points_at_once=0),
         Format.PNG: Encoder("image/png", encode_png, text=False, points_at_once=0),
     }

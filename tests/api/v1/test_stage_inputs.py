@@ -106,6 +106,15 @@ def test_each_has_an_entity_tag_of_its_own(service, field):
         assert service.predict(format="usda", **{field: usual}).content == plain.content
 
 
+def test_a_point_may_come_as_one_value_or_as_three(service):
+    query = [*QUESTION.items(), ("format", "usda")]
+    one, three = ([*query, *each] for each in ([("origin_m", "1,2,3")], [("origin_m", value) for value in (1, 2, 3)]))
+
+    bodies = [service.client.get("/v1/predictions", params=each).content for each in (one, three)]
+    assert bodies[0] == bodies[1]
+    assert b"xformOp:translate = (" in bodies[0]
+
+
 @given(path=st.text(max_size=40) | st.from_regex(r"(/[A-Za-z_0-9.\[\]{}\" ]{0,5}){0,4}", fullmatch=True))
 @settings(max_examples=60, deadline=None)
 def test_no_path_says_more_than_a_path(service, path):
