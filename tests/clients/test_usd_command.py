@@ -144,6 +144,8 @@ def test_a_stage_without_a_rover_gets_one(served, tmp_path, up_axis, meters_per_
         (["--prim", ROVER, *SCENARIO, "--slope-deg", "46"], "slope_deg is 46.0, allowed is -45 to 45"),
         (["--prim", ROVER, *SCENARIO, "--service", "ftp://x"], "http://"),
         (["--prim", ROVER, *SCENARIO, "--service", "http://127.0.0.1:9"], "no answer from http://127.0.0.1:9"),
+        (["--prim", "/R", *SCENARIO, "--proxy", "--service", "http://127.0.0.1:9"], "no answer from"),
+        (["--prim", "/R", *SCENARIO, "--proxy", "--mass-kg", "0"], "mass_kg is 0.0, allowed is 1 to 10000"),
         (["--prim", ROVER, *SCENARIO, "--forward", "Y"], "points up or down"),
         (["--prim", ROVER, *SCENARIO, "--proxy"], "does not exist yet"),
         (["--prim", ROVER, "--question", "missing.json"], "missing.json"),

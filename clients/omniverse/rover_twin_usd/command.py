@@ -102,8 +102,9 @@ def _add_proxy(
         layout["origin_m"] = ",".join(map(repr, options.origin_m))
     if options.heading_deg is not None:
         layout["heading_deg"] = options.heading_deg
+    text = service.layer(question, **layout)
     layer = stages.empty_layer(output)
-    layer.ImportFromString(service.layer(question, **layout))
+    layer.ImportFromString(text)
     if not options.layer_only:
         stages.above(layer, stage, output)
     layer.Save()

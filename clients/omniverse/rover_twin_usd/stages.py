@@ -65,7 +65,10 @@ def above(layer: Sdf.Layer, stage: Usd.Stage, file: Path) -> None:
 
 
 def into_file(stage: Usd.Stage, motion: Path, drives: Drives, clock: Clock) -> list[str]:
-    """Include the saved layer `motion` in the user's file, and save that. Returns what was done to it."""
+    """Include the saved layer `motion` in the user's file, and save that. Returns what was done to it.
+
+    Raises StageError, and leaves the file as it was, where the rovers are not moved as they should be.
+    """
     root = stage.GetRootLayer()
     done = [f"{root.GetDisplayName()} includes {motion.name} now"]
     start, end = span(stage, drives, clock)
@@ -83,6 +86,11 @@ def into_file(stage: Usd.Stage, motion: Path, drives: Drives, clock: Clock) -> l
         names = [_beside(each, Path(root.realPath)) for each in layers]
         root.subLayerPaths = [*names, *(each for each in root.subLayerPaths if each not in names)]
         root.startTimeCode, root.endTimeCode = start, end
+    try:
+        require_exact(stage, drives, clock)
+    except StageError:
+        root.Reload(force=True)
+        raise
     if kept:
         for setting in (UsdGeom.Tokens.upAxis, UsdGeom.Tokens.metersPerUnit, "timeCodesPerSecond"):
             if root.pseudoRoot.HasInfo(setting):
