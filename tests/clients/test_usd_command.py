@@ -171,7 +171,7 @@ def test_a_file_that_is_no_stage_is_said(served, tmp_path, capsys):
     assert capsys.readouterr().err.count("rover-twin-usd: ") == 2
 
 
-@pytest.mark.parametrize("page", ["docs/omniverse.md", "clients/omniverse/docs/README.md"])
+@pytest.mark.parametrize("page", ["docs/omniverse.md", "clients/omniverse/README.md"])
 def test_the_pages_show_commands_that_there_are(page):
     text = (Path(__file__).parents[2] / page).read_text()
     commands = [shlex.split(line)[1:] for line in text.splitlines() if line.startswith("rover-twin-usd ")]
