@@ -224,3 +224,12 @@ def test_a_layer_is_no_larger_for_what_it_does_not_need(subject):
     assert b"pivot" not in plain
     if subject is prediction:
         assert b"orient.timeSamples" not in plain
+
+
+@pytest.mark.parametrize("subject", [prediction, drive])
+def test_older_readers_understand_the_text(subject):
+    """USD 24.3, which Omniverse Kit has, was seen to refuse `custom double x.timeSamples = {`."""
+    lines = encode_usda(subject(), Placement(proxy=True)).decode().splitlines()
+
+    assert any(line.endswith("roverTwin:x_m.timeSamples = {") for line in lines)
+    assert not [line for line in lines if line.strip().startswith(("custom", "uniform")) and "timeSamples" in line]

@@ -72,8 +72,10 @@ _ORIENTS = """\
 {samples}
     }}
 """
+# two lines: USD before 25, which Kit has, reads no samples beside `custom`
 _COLUMN = """\
-    custom {kind} roverTwin:{name}.timeSamples = {{
+    custom {kind} roverTwin:{name}
+    {kind} roverTwin:{name}.timeSamples = {{
 {samples}
     }}
 """
