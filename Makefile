@@ -33,6 +33,7 @@ lint: $(VENV)/.dev ## style, and the direction of imports
 types: $(VENV)/.dev ## mypy, strict
 	@$(BIN)/mypy
 	@$(BIN)/mypy --strict clients/python
+	@$(BIN)/mypy --strict clients/omniverse
 
 sanitize: $(VENV)/.dev ## tests of engine and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer (where gcc has them)
 	@PYTEST=$(BIN)/pytest sh tests/learning/drive/sanitize $(ARGS)
@@ -81,7 +82,7 @@ $(VENV)/.runtime: $(BIN)/python pyproject.toml constraints.txt hatch_build.py $(
 	@$(PIP) --editable .
 	@touch $@
 
-$(VENV)/.dev: $(VENV)/.runtime clients/python/pyproject.toml
+$(VENV)/.dev: $(VENV)/.runtime clients/python/pyproject.toml clients/omniverse/pyproject.toml
 	@echo "installing what the tests need into $(VENV)"
-	@$(PIP) --editable clients/python --editable '.[dev]'
+	@$(PIP) --editable clients/python --editable clients/omniverse --editable '.[dev]'
 	@touch $@

@@ -20,6 +20,7 @@ from service.twin import Count, Frame, Loaded, Scenario, sample_times, uncounted
 from service.twin.scenario import sample_count
 from service.wire.forms import Format, Subject, TableFormat
 from service.wire.points import require_few_times, require_wide_step
+from service.wire.stage_inputs import StageInputs
 
 _REFERENCE = r"^[a-z0-9][a-z0-9-]{0,62}(@([a-z][a-z0-9-]{0,62}|[1-9][0-9]{0,8}))?$"
 
@@ -216,10 +217,8 @@ class PredictionBody(PredictionInputs):
 _FORMAT = Field(description="Form of the answer; it wins over the `Accept` header. Without both, JSON.")
 
 
-class FormatQuery(BaseModel):
+class FormatQuery(StageInputs):
     """How a prediction is written; it belongs to the address, not to the scenario."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     format: Annotated[Format | SkipJsonSchema[None], _FORMAT] = None
 

@@ -78,14 +78,13 @@ def _whole_columns(table):
 
 def _usda(body):
     stage = stage_of(body)
-    rover, rate = stage.GetDefaultPrim(), stage.GetTimeCodesPerSecond()
-    translate = rover.GetAttribute("xformOp:translate")
-    codes = translate.GetTimeSamples()
-    about = json.loads(stage.GetRootLayer().customLayerData["roverTwin"]["metadata"])
-    across = "y_m" if about["frame"] == "slope" else "z_m"  # of the columns; the stage of a drive is always the world
-    places = np.array([translate.Get(code) for code in codes])
-    assert not places[:, 1].any()
-    columns = {"time_s": np.array(codes) / rate, "x_m": places[:, 0], across: places[:, 2]}
+    return rover_columns(stage, stage.GetDefaultPrim())
+
+
+def rover_columns(stage: Usd.Stage, rover: Usd.Prim) -> dict[str, np.ndarray]:
+    """The columns that a rover of a layer has as attributes, and `time_s`."""
+    codes = rover.GetAttribute("xformOp:translate").GetTimeSamples()
+    columns = {"time_s": np.array(codes) / stage.GetTimeCodesPerSecond()}
     for attribute in rover.GetAttributes():
         space, _, name = attribute.GetName().rpartition(":")
         if space == "roverTwin":

@@ -46,6 +46,19 @@ def test_files_and_pipes_take_every_form_of_the_server(serving, tmp_path, form):
         assert piped.stdout == theirs.content
 
 
+def test_a_usd_layer_fits_a_stage_as_the_server_makes_it(serving, tmp_path):
+    layout = {"prim_path": "/World/Rover", "origin_m": "1,2,3", "up_axis": "Y", "meters_per_unit": "0.01"}
+    theirs = httpx.get(f"{serving.address}/v1/predictions", params={**_QUERY, **layout, "format": "usda"}, timeout=60)
+    words = ("predict", *SCENARIO, *_AT_ROVER, "--horizon-s", "3", "--include", "prior", "--store", serving.store)
+    options = [part for name, value in layout.items() for part in ("--usd", f"{name}={value}")]
+
+    assert call(*words, "--format", "usda", *options).out.rstrip("\n") == theirs.text.rstrip("\n")
+    for form, wrong in (("csv", "up_axis=Y"), ("usda", "up_axis=X"), ("usda", "up=Y"), ("usda", "up_axis")):
+        refused = call(*words, "--format", form, "--usd", wrong)
+        assert refused.code == ExitCode.USAGE
+        assert "allowed is" in refused.err
+
+
 @pytest.mark.processes
 @pytest.mark.parametrize(("form", "code"), [("npz", ExitCode.USAGE), ("arrow", ExitCode.USAGE), ("usda", 0)])
 def test_what_is_no_text_is_kept_from_a_terminal(small_store, form, code):

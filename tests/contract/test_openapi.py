@@ -15,6 +15,7 @@ import pytest
 from service.api.http.problems import PROBLEMS
 from service.app import openapi_document
 from service.wire.prediction import PredictionInputs
+from service.wire.stage_inputs import StageInputs
 
 published = functools.cache(openapi_document)  # half a second each time
 SNAPSHOT = Path(__file__).with_name("openapi.json")
@@ -34,8 +35,9 @@ def test_every_number_has_its_range_unit_and_example():
     operation = published()["paths"]["/v1/predictions"]["get"]
     parameters = {each["name"]: each for each in operation["parameters"]}
 
-    assert set(parameters) == {*PredictionInputs.model_fields, "format"}
-    for name in ("slope_deg", "mass_kg", "torque_nm", "horizon_s", "dt_s", "band_level"):
+    assert set(parameters) == {*PredictionInputs.model_fields, *StageInputs.model_fields, "format"}
+    numbers = ("slope_deg", "mass_kg", "torque_nm", "horizon_s", "dt_s", "band_level", "heading_deg", "meters_per_unit")
+    for name in numbers:
         schema = parameters[name]["schema"]
         assert "maximum" in schema, name
         assert "minimum" in schema or "exclusiveMinimum" in schema, name

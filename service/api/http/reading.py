@@ -51,7 +51,13 @@ def words_of(model: type[BaseModel]) -> Mapping[str, str]:
 
 @lru_cache(maxsize=64)
 def _lists_of(model: type[BaseModel]) -> frozenset[str]:
-    return frozenset(name for name, field in model.model_fields.items() if get_origin(field.annotation) is list)
+    return frozenset(name for name, field in model.model_fields.items() if _is_list(field.annotation))
+
+
+def _is_list(annotation: object) -> bool:
+    """Whether values of this kind are lists, or may be."""
+    parts = get_args(annotation)
+    return get_origin(annotation) is list or any(_is_list(each) for each in parts if get_args(each))
 
 
 def query_pairs(request: Request) -> list[tuple[str, str]]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from fastapi import APIRouter, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 from starlette.responses import StreamingResponse
 
@@ -24,8 +24,9 @@ from service.twin import Count, Loaded
 from service.twin.batch import Index, PredictionBatch, predict_finite
 from service.wire.batch import BATCH_WORDS, MAX_SCENARIOS, BatchBody, BatchQuestion, read_batch
 from service.wire.batch_answer import BatchAnswer
-from service.wire.batch_forms import BATCH_ENCODERS, BATCH_MEDIA_TYPES, BatchFormat, BatchSubject
+from service.wire.batch_forms import BATCH_ENCODERS, BATCH_MEDIA_TYPES, BatchFormat, BatchSubject, batch_written
 from service.wire.prediction import Include
+from service.wire.stage_inputs import FleetInputs
 
 PATH = "/v1/predictions/batch"
 MAX_BODY_BYTES = 4 << 20
@@ -39,6 +40,7 @@ _MEANINGS = {
     BatchFormat.ARROW: "Arrow IPC stream: one record batch, a row for each scenario and time; the schema's metadata "
     "has the scenarios, their domain, summary and errors as JSON text.",
     BatchFormat.PARQUET: "Parquet file: the table of Arrow, its metadata in the file's key-value metadata.",
+    BatchFormat.USDA: "USD text layer: a prim for each scenario, `/Rovers/Rover_<index>` or `<prim_path>_<index>`.",
 }
 _RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
@@ -77,10 +79,8 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
 }
 
 
-class BatchFormatQuery(BaseModel):
+class BatchFormatQuery(FleetInputs):
     """How the predictions are written."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     format: Annotated[
         BatchFormat | SkipJsonSchema[None],
@@ -105,11 +105,12 @@ async def create_prediction_batch(
 ) -> Response:
     """Where many rovers go, all with the same step or the same times. A refused scenario does not stop the others."""
     wanted = choose(BATCH_MEDIA_TYPES, form.format, request.headers.get("accept"))
+    form.require_usd(wanted)
     require_json(request)
     body = await request.body()
     question, times = await services.predictions.run(lambda: _read(body, services.settings.max_points))
     loaded = await services.twin(question.shared.model)
-    await Room.of(request).reserve(request, _estimated_bytes(question, times, text=BATCH_ENCODERS[wanted].text))
+    await Room.of(request).reserve(request, _estimated_bytes(question, times, wanted))
     subject = await services.predictions.run(lambda: predicted(question, times, loaded, services.instruments.predicted))
     encoder = BATCH_ENCODERS[wanted]
     if encoder.encode is None:
@@ -117,17 +118,26 @@ async def create_prediction_batch(
         stream = encoder.stream(subject) if encoder.stream else ()
         headers = {**subject.headers(), "Vary": "Accept"}
         return StreamingResponse(stream, headers=headers, media_type=encoder.media_type)
-    encode, delivery = encoder.encode, Delivery.of(request, encoder.media_type, text=encoder.text)
-    return await services.predictions.run(lambda: delivery.response(encode(subject), subject.headers()))
+    placement, delivery = form.placement(), Delivery.of(request, encoder.media_type, text=encoder.text)
+    return await services.predictions.run(
+        lambda: delivery.response(batch_written(wanted, subject, placement), subject.headers())
+    )
 
 
-def _estimated_bytes(question: BatchQuestion, time_s: Array, *, text: bool) -> int:
+def _estimated_bytes(question: BatchQuestion, time_s: Array, wanted: BatchFormat) -> int:
     """At most so many bytes has an answer whose numbers are all as long as they can be; headers aside."""
     points = time_s.size if time_s.ndim > 1 else time_s.size * len(question.scenarios)
     shared = question.shared
     columns = 3 + 4 * (Include.BAND in shared.include) + 2 * shared.wants_prior
     columns += shared.wants_speed + 2 * shared.wants_wheel_speed
-    return points * columns * (TEXT_BYTES if text else 8)
+    return points * columns_bytes(columns, wanted)
+
+
+def columns_bytes(columns: int, form: BatchFormat) -> int:
+    """At most so many bytes has one point of an answer."""
+    if form is BatchFormat.USDA:
+        return (2 * columns + 10) * TEXT_BYTES  # a time code for each number, and seven numbers that move the rover
+    return columns * (TEXT_BYTES if BATCH_ENCODERS[form].text else 8)
 
 
 def _read(body: bytes, max_points: int) -> tuple[BatchQuestion, Array]:

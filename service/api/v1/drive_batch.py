@@ -9,18 +9,18 @@ from fastapi import APIRouter, Query, Request, Response
 from starlette.responses import StreamingResponse
 
 from service.api.http.delivery import Delivery
-from service.api.http.limits.answer_bytes import TEXT_BYTES, Room
+from service.api.http.limits.answer_bytes import Room
 from service.api.http.many_problems import problems_of
 from service.api.http.negotiation import choose
 from service.api.http.openapi import form_of, problem_responses, schema_of
 from service.api.http.problems import Slug
 from service.api.http.reading import Route, parsed, require_json
 from service.api.services import TheServices
-from service.api.v1.batch import BatchFormatQuery
+from service.api.v1.batch import BatchFormatQuery, columns_bytes
 from service.twin import Loaded, NonFiniteError, OutsideDomainError
 from service.twin.drives import Drive, require_driver
 from service.twin.scenario import sample_count
-from service.wire.batch_forms import BATCH_ENCODERS, BATCH_MEDIA_TYPES, BatchFormat
+from service.wire.batch_forms import BATCH_ENCODERS, BATCH_MEDIA_TYPES, BatchFormat, batch_written
 from service.wire.drives.ask import CountDrive, driven
 from service.wire.drives.batch import DRIVE_BATCH_WORDS, MOST_DRIVES, DriveBatchBody, DrivesQuestion, read_drives
 from service.wire.drives.batch_answer import DriveBatchAnswer
@@ -38,6 +38,7 @@ _MEANINGS = {
     BatchFormat.ARROW: "Arrow IPC stream: one record batch, a row for each drive and time; the schema's metadata has "
     "the drives, their domain, summary, events and errors as JSON text.",
     BatchFormat.PARQUET: "Parquet file: the table of Arrow, its metadata in the file's key-value metadata.",
+    BatchFormat.USDA: "USD text layer: a prim for each drive, `/Rovers/Rover_<index>` or `<prim_path>_<index>`.",
 }
 _MOST_COLUMNS = 24
 _RESPONSES: dict[int | str, dict[str, Any]] = {
@@ -93,13 +94,14 @@ async def create_drive_batch(
 ) -> Response:
     """Where many rovers go, all with the same step or the same times. What stands beside `drives` holds for all."""
     wanted = choose(BATCH_MEDIA_TYPES, form.format, request.headers.get("accept"))
+    form.require_usd(wanted)
     require_json(request)
     body = await request.body()
     question = await services.predictions.run(
         lambda: read_drives(parsed(body, DRIVE_BATCH_WORDS), services.settings.max_points)
     )
     loaded = await services.twin(question.shared.model)
-    await Room.of(request).reserve(request, _estimated_bytes(question, text=BATCH_ENCODERS[wanted].text))
+    await Room.of(request).reserve(request, _estimated_bytes(question, wanted))
     subject = await services.predictions.run(lambda: _driven(question, loaded, services.instruments.drove))
     encoder = BATCH_ENCODERS[wanted]
     if encoder.encode is None:
@@ -107,16 +109,18 @@ async def create_drive_batch(
         stream = encoder.stream(subject) if encoder.stream else ()
         headers = {**subject.headers(), "Vary": "Accept"}
         return StreamingResponse(stream, headers=headers, media_type=encoder.media_type)
-    encode, delivery = encoder.encode, Delivery.of(request, encoder.media_type, text=encoder.text)
-    return await services.predictions.run(lambda: delivery.response(encode(subject), subject.headers()))
+    placement, delivery = form.placement(), Delivery.of(request, encoder.media_type, text=encoder.text)
+    return await services.predictions.run(
+        lambda: delivery.response(batch_written(wanted, subject, placement), subject.headers())
+    )
 
 
-def _estimated_bytes(question: DrivesQuestion, *, text: bool) -> int:
+def _estimated_bytes(question: DrivesQuestion, form: BatchFormat) -> int:
     """At most so many bytes have the columns of the answer."""
     wanted = question.wanted
     own = None if wanted.times_s is None else len(wanted.times_s)
     points = sum(own or sample_count(each.horizon_s, wanted.dt_s) for each in question.drives.values())
-    return points * _MOST_COLUMNS * (TEXT_BYTES if text else 8)
+    return points * columns_bytes(_MOST_COLUMNS, form)
 
 
 def _driven(question: DrivesQuestion, loaded: Loaded, count: CountDrive) -> DriveBatchSubject:

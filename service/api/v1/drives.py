@@ -17,7 +17,7 @@ from service.twin.drives import DriveQuestion
 from service.wire.drives.answer import DriveAnswer
 from service.wire.drives.ask import driven
 from service.wire.drives.question import DriveBody
-from service.wire.forms import ENCODERS, MEDIA_TYPES, Format
+from service.wire.forms import ENCODERS, MEDIA_TYPES, Format, written
 from service.wire.prediction import FormatQuery
 
 PATH = "/v1/drives"
@@ -32,7 +32,7 @@ _MEANINGS = {
     Format.NPZ: "NumPy archive: an array for each column, and `metadata`, JSON text.",
     Format.ARROW: "Arrow IPC stream: one record batch; the schema's metadata is JSON text.",
     Format.PARQUET: "Parquet file: the table of Arrow, its metadata in the file's key-value metadata.",
-    Format.USDA: "USD text layer: the rover as time samples of `/Rover`, Z-up, metres, in the world frame.",
+    Format.USDA: "USD text layer: the rover as time samples of `/Rover`, or of your own prim in your stage's axes.",
     Format.SVG: "Plot of position, speed, slope and torque against time, with the events.",
     Format.PNG: "The plot as pixels.",
 }
@@ -91,6 +91,8 @@ async def create_drive(
 ) -> Response:
     """Where a rover goes over this track under these controls, what happens on the way, and how sure that is."""
     chosen = choose(MEDIA_TYPES, form.format, request.headers.get("accept"))
+    form.require_usd(chosen)
+    placement = form.placement()
     question, wanted = asked.asked(services.settings.max_points)
     loaded = await services.twin(asked.model)
     encoder = ENCODERS[chosen]
@@ -98,7 +100,7 @@ async def create_drive(
 
     def computed() -> Response:
         subject = driven(question, wanted, asked.strict, loaded, services.instruments.drove)
-        return delivery.response(encoder.encode(subject), subject.headers())
+        return delivery.response(written(chosen, subject, placement), subject.headers())
 
     points = min(encoder.points_at_once, _SHORT_TEXT)
     quick = question.horizon_s <= _SECONDS_AT_ONCE and not wanted.band and question.until_distance_m is None

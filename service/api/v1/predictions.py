@@ -14,7 +14,8 @@ from service.api.http.openapi import form_of, problem_responses
 from service.api.http.problems import Slug
 from service.api.services import Services, TheServices
 from service.twin import Loaded
-from service.wire.forms import ENCODERS, MEDIA_TYPES, Format
+from service.wire.forms import ENCODERS, MEDIA_TYPES, Format, written
+from service.wire.forms.placement import Placement
 from service.wire.prediction import (
     FormatQuery,
     PredictionBody,
@@ -24,13 +25,14 @@ from service.wire.prediction import (
     require_few_points,
 )
 from service.wire.prediction_answer import PredictionAnswer
+from service.wire.stage_inputs import StageInputs
 
 _COMPRESSED_AT_ONCE = 250  # points: 10 kB of text take gzip a third of a millisecond
 _MEANINGS = {
     Format.NPZ: "NumPy archive: a float64 array for each column, and `metadata`, JSON text.",
     Format.ARROW: "Arrow IPC stream: one record batch, a float64 column each; the schema's metadata is JSON text.",
     Format.PARQUET: "Parquet file: a float64 column each; the file's metadata is JSON text, as Arrow's.",
-    Format.USDA: "USD text layer: the rover as time samples of `/Rover`, Z-up, metres.",
+    Format.USDA: "USD text layer: the rover as time samples of `/Rover`, or of your own prim in your stage's axes.",
     Format.SVG: "Plot of the position against time.",
     Format.PNG: "The plot as pixels.",
 }
@@ -80,7 +82,7 @@ async def get_prediction(
 ) -> Response:
     """Where the rover goes on this slope with this mass and torque, and whether the model knows such scenarios."""
     form = choose(MEDIA_TYPES, asked.format, request.headers.get("accept"))
-    return await _predict(asked, form, request, services)
+    return await _predict(asked, form, asked, request, services)
 
 
 async def create_prediction(
@@ -90,20 +92,27 @@ async def create_prediction(
     services: TheServices,
 ) -> Response:
     """The same as the GET, with the fields as one JSON object; `format` stays in the address."""
-    return await _predict(asked, choose(MEDIA_TYPES, form.format, request.headers.get("accept")), request, services)
+    chosen = choose(MEDIA_TYPES, form.format, request.headers.get("accept"))
+    return await _predict(asked, chosen, form, request, services)
 
 
-async def _predict(asked: PredictionInputs, form: Format, request: Request, services: Services) -> Response:
+async def _predict(
+    asked: PredictionInputs, form: Format, stage: StageInputs, request: Request, services: Services
+) -> Response:
+    stage.require_usd(form)
+    placement = stage.placement()
     require_few_points(asked, services.settings.max_points)
     loaded = await services.twin(asked.model)
     delivery = Delivery.of(request, ENCODERS[form].media_type, text=ENCODERS[form].text)
     if request.method == "GET":
-        delivery = delivery.cacheable(request, loaded, asked.model, asked.question())
+        delivery = delivery.cacheable(request, loaded, asked.model, asked.question() + placement.question())
         if nothing_new := delivery.not_modified():
             return nothing_new
     if loaded.twin.model.quick and asked.points <= _points_at_once(form, delivery):
-        return _computed(asked, form, loaded, delivery, services)
-    return await services.predictions.run(lambda: _computed(asked, form, loaded, delivery, services), asker=request)
+        return _computed(asked, (form, placement), loaded, delivery, services)
+    return await services.predictions.run(
+        lambda: _computed(asked, (form, placement), loaded, delivery, services), asker=request
+    )
 
 
 def _points_at_once(form: Format, delivery: Delivery) -> int:
@@ -113,12 +122,12 @@ def _points_at_once(form: Format, delivery: Delivery) -> int:
 
 
 def _computed(
-    asked: PredictionInputs, form: Format, loaded: Loaded, delivery: Delivery, services: Services
+    asked: PredictionInputs, wanted: tuple[Format, Placement], loaded: Loaded, delivery: Delivery, services: Services
 ) -> Response:
     """Everything that takes time, up to the bytes of the answer; on a worker thread if it may take long."""
     subject = predict(asked, loaded, services.instruments.predicted)
-    encoder = ENCODERS[form]
-    return delivery.response(encoder.encode(subject), subject.headers())
+    form, placement = wanted
+    return delivery.response(written(form, subject, placement), subject.headers())
 
 
 router = APIRouter(prefix="/v1/predictions", tags=["predictions"], responses=_RESPONSES)

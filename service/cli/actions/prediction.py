@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 from rich.console import Console
 
 from model_store import ModelStore
+from service.allowed import allowed_fields
 from service.cli.failures import RefusedError, UsageError
 from service.cli.output import make_table
 from service.cli.threads import use_threads
 from service.settings import load_settings
 from service.twin import OutsideDomainError, TwinRegistry
 from service.wire.faults import faults_of, summary_of
-from service.wire.forms import ENCODERS, Format, Subject
+from service.wire.forms import ENCODERS, Format, Subject, written
 from service.wire.prediction import ALLOWED, PredictionInputs, predict, require_few_points
+from service.wire.stage_inputs import StageInputs
 
 _SHOWN_ROWS = 11
+_STAGE_WORDS = allowed_fields(StageInputs.model_json_schema())
+Inputs = TypeVar("Inputs", bound=BaseModel)
 
 
 def is_text(form: str) -> bool:
@@ -28,26 +32,36 @@ def is_text(form: str) -> bool:
     return form == "table" or ENCODERS[Format(form)].text
 
 
-def answer(store: ModelStore, inputs: Mapping[str, Any], form: str) -> bytes:
+def answer(store: ModelStore, inputs: Mapping[str, Any], form: str, layout: Sequence[str] = ()) -> bytes:
     """The answer to the fields that the user gave, as a table or a `Format`. Text is UTF-8 and ends with a line feed.
+    `layout` has the parameters of a USD layer, each as name=value.
 
     Raises UsageError or InvalidValueError for inputs that the API would refuse too, RefusedError for a strict
     question outside the domain, and what loading a twin raises.
     """
-    subject = _predict(store, _checked(inputs))
+    stage = _checked(StageInputs, dict(_name_and_value(each) for each in layout), _STAGE_WORDS)
+    stage.require_usd(form)
+    subject = _predict(store, _checked(PredictionInputs, inputs, ALLOWED))
     if form == "table":
         return _table(subject).encode()
-    content = ENCODERS[Format(form)].encode(subject)
+    content = written(Format(form), subject, stage.placement())
     return content.rstrip(b"\n") + b"\n" if is_text(form) else content
 
 
-def _checked(inputs: Mapping[str, Any]) -> PredictionInputs:
+def _name_and_value(option: str) -> tuple[str, str]:
+    name, separator, value = option.partition("=")
+    if not separator:
+        raise UsageError(f"--usd is {option!r}, allowed is name=value with a name of {', '.join(_STAGE_WORDS)}")
+    return name, value
+
+
+def _checked(model: type[Inputs], inputs: Mapping[str, Any], words: Mapping[str, str]) -> Inputs:
     try:
-        return PredictionInputs.model_validate(inputs)
+        return model.model_validate(inputs)
     except ValidationError as error:
         # the API's words expect to hear first where a field was (query, body)
         errors = [{**each, "loc": ("option", *each["loc"])} for each in error.errors(include_url=False)]
-        faults = faults_of(errors, ALLOWED)
+        faults = faults_of(errors, words)
         raise UsageError(summary_of(faults)) from error
 
 

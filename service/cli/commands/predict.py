@@ -59,6 +59,14 @@ def predict(
             "USD layer or plot. npz, arrow, parquet and png are no text: they go to a file or a pipe.",
         ),
     ] = "table",
+    usd: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="With --format usda, how it fits your stage: prim_path=/World/Rover, origin_m=1,2,3, heading_deg=90, "
+            "pivot=x,y,z, scale=1, up_axis=Y, meters_per_unit=0.01, proxy=true (docs/omniverse.md).",
+        ),
+    ] = None,
     json: options.Json = False,
     output: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the answer to this file instead of stdout.")
@@ -77,6 +85,10 @@ def predict(
 
     A plot of the trajectory with its band:
       rover-twin predict --slope-deg 28 --mass-kg 430 --torque-nm 60 --include band --format svg --output run.svg
+
+    A rover made of simple shapes that drives on a Y-up stage in centimetres:
+      rover-twin predict --slope-deg 28 --mass-kg 430 --torque-nm 60 --format usda --usd proxy=true --usd up_axis=Y \
+        --usd meters_per_unit=0.01 --output rover.usda
 
     The final position in a script, refusing to extrapolate:
       rover-twin predict --slope-deg 28 --mass-kg 430 --torque-nm 60 --strict --json | jq .summary.final_x_m
@@ -101,7 +113,7 @@ def predict(
     }
     if model is not None:
         inputs["model"] = model
-    content = answer(open_store(store), inputs, chosen)
+    content = answer(open_store(store), inputs, chosen, usd or [])
     if output is not None:
         output.write_bytes(content)
         note(f"wrote {output}")

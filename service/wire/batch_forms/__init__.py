@@ -13,7 +13,9 @@ from service.wire.batch_forms.ndjson import batch_lines
 from service.wire.batch_forms.npz import encode_batch_npz
 from service.wire.batch_forms.parquet import encode_batch_parquet
 from service.wire.batch_forms.subject import BatchSubject, BatchWritable
+from service.wire.batch_forms.usda import encode_batch_usda
 from service.wire.forms import MEDIA_TYPES, Format
+from service.wire.forms.placement import PLAIN, Placement
 
 
 class BatchFormat(StrEnum):
@@ -24,6 +26,7 @@ class BatchFormat(StrEnum):
     NPZ = "npz"
     ARROW = "arrow"
     PARQUET = "parquet"
+    USDA = "usda"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +46,28 @@ BATCH_ENCODERS: Mapping[BatchFormat, BatchEncoder] = MappingProxyType(
         BatchFormat.NPZ: BatchEncoder(MEDIA_TYPES[Format.NPZ], encode_batch_npz),
         BatchFormat.ARROW: BatchEncoder(MEDIA_TYPES[Format.ARROW], encode_batch_arrow),
         BatchFormat.PARQUET: BatchEncoder(MEDIA_TYPES[Format.PARQUET], encode_batch_parquet),
+        BatchFormat.USDA: BatchEncoder(MEDIA_TYPES[Format.USDA], encode_batch_usda, text=True),
     }
 )
+
+
+def batch_written(form: BatchFormat, subject: BatchWritable, placement: Placement = PLAIN) -> bytes:
+    """The answer in a form that is not streamed; `placement` matters to USD alone. Raises NonFiniteError."""
+    encode = BATCH_ENCODERS[form].encode
+    assert encode is not None
+    return encode_batch_usda(subject, placement) if form is BatchFormat.USDA else encode(subject)
+
 
 BATCH_MEDIA_TYPES: Mapping[BatchFormat, str] = MappingProxyType(
     {form: each.media_type for form, each in BATCH_ENCODERS.items()}
 )
 
-__all__ = ["BATCH_ENCODERS", "BATCH_MEDIA_TYPES", "BatchEncoder", "BatchFormat", "BatchSubject", "BatchWritable"]
+__all__ = [
+    "BATCH_ENCODERS",
+    "BATCH_MEDIA_TYPES",
+    "BatchEncoder",
+    "BatchFormat",
+    "BatchSubject",
+    "BatchWritable",
+    "batch_written",
+]

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy.typing as npt
 
-from service.twin import Frame, Loaded
+from service.twin import Loaded
 from service.twin.drives import Drive, DriveDomain
 from service.wire.forms.numbers import times_text
-from service.wire.forms.subject import ORDERS, Picture, Stage, headers_of, model_of, unit_of
+from service.wire.forms.subject import Picture, Stage, headers_of, model_of, unit_of
 
 _LABELS = {
     "x_m": {"slope": "x, m\nalong the track", "world": "x, m\nhorizontal"},
@@ -117,12 +117,10 @@ class DriveSubject:
         """The world in both frames, since a track bends; the rover's pitch is the slope under its middle."""
         drive, twin = self.drive, self.loaded.twin
         across, up = drive.world_m()
-        told = drive.position_names if drive.frame is Frame.WORLD else ()
         doc = (
             f"{twin.name}@{twin.version}: rear wheel's centre of a rover on a track; columns in the {drive.frame} frame"
         )
-        order, axes = ORDERS[Frame.WORLD], "X horizontal; Z up"
-        return Stage(across, up, drive.trajectory["slope_deg"], told, order, Frame.WORLD, axes, doc)
+        return Stage(across, up, drive.trajectory["slope_deg"], doc)
 
 
 def unit_of_drive(column: str) -> str:

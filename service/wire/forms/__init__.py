@@ -15,6 +15,7 @@ from service.wire.forms.csv import encode_csv
 from service.wire.forms.json import encode_json
 from service.wire.forms.npz import encode_npz
 from service.wire.forms.parquet import encode_parquet
+from service.wire.forms.placement import PLAIN, Placement
 from service.wire.forms.plot import encode_png, encode_svg
 from service.wire.forms.subject import Picture, Stage, Subject, Writable
 from service.wire.forms.usda import encode_usda
@@ -60,11 +61,18 @@ ENCODERS: Mapping[Format, Encoder] = MappingProxyType(
         Format.NPZ: Encoder("application/x-npz", encode_npz, text=False, points_at_once=25_000),
         Format.ARROW: Encoder("application/vnd.apache.arrow.stream", encode_arrow, text=False, points_at_once=25_000),
         Format.PARQUET: Encoder("application/vnd.apache.parquet", encode_parquet, text=False, points_at_once=2_000),
-        Format.USDA: Encoder("model/vnd.usda", encode_usda, text=True, points_at_once=300),
+        Format.USDA: Encoder("model/vnd.usda", encode_usda, text=True, points_at_once=210),
         Format.SVG: Encoder("image/svg+xml", encode_svg, text=True, points_at_once=0),
         Format.PNG: Encoder("image/png", encode_png, text=False, points_at_once=0),
     }
 )
+
+
+def written(form: Format, subject: Writable, placement: Placement = PLAIN) -> bytes:
+    """The answer in a form; `placement` matters to USD alone. Raises NonFiniteError."""
+    return encode_usda(subject, placement) if form is Format.USDA else ENCODERS[form].encode(subject)
+
+
 MEDIA_TYPES: Mapping[Format, str] = MappingProxyType({form: each.media_type for form, each in ENCODERS.items()})
 TABLE_MEDIA_TYPES: Mapping[TableFormat, str] = MappingProxyType(
     {form: MEDIA_TYPES[Format(form)] for form in TableFormat}
@@ -81,4 +89,5 @@ __all__ = [
     "Subject",
     "TableFormat",
     "Writable",
+    "written",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
@@ -10,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from service.learning.domain import DomainVerdict
+from service.physics.frames import slope_to_world
 from service.physics.scenario import Array
 from service.twin import Frame, Loaded, Prediction
 from service.wire.forms.numbers import times_text
@@ -33,19 +35,14 @@ class Picture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stage:
-    """How something moves on a stage: `across_m` and `up_m` (time,) are translated in the order of operations `order`.
+    """How something moves on a stage: `across_m` and `up_m` (time,) are its positions in the world frame.
 
-    `pitch_deg` is the rover's, of one number or (time,); `told` are the columns that the translation says already,
-    `frame` is its frame and `axes` says what its axes are, `doc` what moves.
+    `pitch_deg` is the rover's, of one number or (time,); `doc` says what moves.
     """
 
     across_m: Array
     up_m: Array
     pitch_deg: Array
-    told: tuple[str, ...]
-    order: str
-    frame: Frame
-    axes: str
     doc: str
 
 
@@ -84,16 +81,6 @@ class Writable(Protocol):
         ...
 
 
-ORDERS = {
-    Frame.SLOPE: '["xformOp:orient", "xformOp:translate"]',
-    Frame.WORLD: '["xformOp:translate", "xformOp:orient"]',
-}
-"""Positions in the slope frame are pitched together with the rover, those of the world are translated as they are."""
-
-_AXES = {
-    Frame.SLOPE: "X along the slope, positive uphill; Y normal to it, here the Z of xformOp:translate",
-    Frame.WORLD: "X horizontal; Z up",
-}
 _AXIS_LABELS = {
     "x_m": {"slope": "x, m\nalong the slope", "world": "x, m\nhorizontal"},
     "y_m": {"slope": "y, m\nnormal to the slope"},
@@ -161,19 +148,14 @@ class Subject:
         return Picture(title, tuple((name, _AXIS_LABELS[name][frame]) for name in prediction.position_names))
 
     def stage(self) -> Stage:
-        """In both frames it ends up at the same place of the stage."""
+        """The world in both frames."""
         prediction, twin = self.prediction, self.loaded.twin
         across, up = (prediction.trajectory[name] for name in prediction.position_names)
-        return Stage(
-            across,
-            up,
-            np.array([prediction.scenario.slope_deg]),
-            prediction.position_names,
-            ORDERS[prediction.frame],
-            prediction.frame,
-            _AXES[prediction.frame],
-            f"{twin.name}@{twin.version}: rear wheel's centre of a rover on a slope, {prediction.frame} frame",
-        )
+        slope_deg = prediction.scenario.slope_deg
+        if prediction.frame is Frame.SLOPE:
+            across, up = slope_to_world(across, up, math.radians(slope_deg))
+        doc = f"{twin.name}@{twin.version}: rear wheel's centre of a rover on a slope; "
+        return Stage(across, up, np.array([slope_deg]), f"{doc}columns in the {prediction.frame} frame")
 
     def about(self) -> dict[str, Any]:
         """Everything that is no column, under the names of the JSON answer; with the unit of each column.

@@ -17,9 +17,10 @@ from hypothesis import strategies as st
 
 from service.wire.batch_answer import BatchAnswer
 from tests.api.conftest import QUESTION, Running
+from tests.api.readings import rover_columns, stage_of
 
 PATH = "/v1/predictions/batch"
-FORMS = ["json", "ndjson", "npz", "arrow", "parquet"]
+FORMS = ["json", "ndjson", "npz", "arrow", "parquet", "usda"]
 # x and y, m: a batch sums in another order
 TOLERANCE = {"rtol": 1e-9, "atol": 1e-9}
 scenarios = st.fixed_dictionaries(
@@ -45,7 +46,14 @@ def alone(service: Running, scenario: dict[str, object], **shared: object) -> di
 def tables_of(answer: httpx.Response, form: str) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
     """Each scenario's columns, as a single CSV has them, with `index` and the summary; and the errors."""
     assert answer.status_code == 200, answer.text
-    read = {"json": from_json, "ndjson": from_ndjson, "npz": from_npz, "arrow": from_arrow, "parquet": from_parquet}
+    read = {
+        "json": from_json,
+        "ndjson": from_ndjson,
+        "npz": from_npz,
+        "arrow": from_arrow,
+        "parquet": from_parquet,
+        "usda": from_usda,
+    }
     return read[form](answer)
 
 
@@ -82,6 +90,18 @@ def from_ndjson(answer: httpx.Response):
         columns = flat(each["trajectory"], each.get("prior", {}), each.get("band", {}))
         found.append({"index": each["index"], **columns, **each["summary"], "inside": each["domain"]["inside"]})
     return found, errors
+
+
+def from_usda(answer: httpx.Response):
+    stage = stage_of(answer.content)
+    about = json.loads(stage.GetRootLayer().customLayerData["roverTwin"]["metadata"])
+    found = []
+    for row, index in enumerate(about["scenarios"]["index"]):
+        columns = rover_columns(stage, stage.GetPrimAtPath(f"/Rovers/Rover_{index}"))
+        columns = {name: each.tolist() for name, each in columns.items()}
+        summary = {name: each[row] for name, each in about["summary"].items()}
+        found.append({"index": index, **columns, **summary, "inside": about["domain"]["inside"][row]})
+    return found, about["errors"]
 
 
 def from_npz(answer: httpx.Response):

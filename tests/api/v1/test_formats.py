@@ -101,11 +101,15 @@ def test_the_stage_says_units_axes_and_when_it_begins_and_ends(service):
 
     assert UsdGeom.GetStageUpAxis(stage) == "Z"
     assert (UsdGeom.GetStageMetersPerUnit(stage), stage.GetMetadata("kilogramsPerUnit")) == (1, 1)
+    assert rover.GetAttribute("xformOp:translate").Get() == rover.GetAttribute("xformOp:translate").Get(0)
     assert (stage.GetTimeCodesPerSecond(), stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (20, 0, 80)
     assert stage.HasAuthoredTimeCodeRange()
-    assert layer.customLayerData["roverTwin"]["frame"] == "slope"
+    assert layer.customLayerData["roverTwin"]["frame"] == "world"
+    assert (layer.framesPerSecond, layer.defaultPrim) == (20, "Rover")
+    assert rover.GetCustomDataByKey("roverTwin:frame") == "slope"  # of the columns
+    assert rover.GetCustomDataByKey("roverTwin:model") == "viper-lunar@1"
     assert (rover.GetPath(), rover.GetTypeName()) == ("/Rover", "Xform")
-    assert rover.GetAttribute("xformOp:orient").GetTypeName() == "quatf"
+    assert rover.GetAttribute("xformOp:orient").GetTypeName() == "quatd"
 
 
 @pytest.mark.parametrize("slope_deg", [-30, 0, 28])

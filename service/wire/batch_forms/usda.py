@@ -1,0 +1,29 @@
+"""A batch as one USD text layer: a fleet, with one prim for each scenario or drive that is answered."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from service.wire.batch_forms.subject import BatchWritable
+from service.wire.forms.placement import PLAIN, Placement, fleet_paths
+from service.wire.forms.usda import Layer, rover, time_codes
+
+
+def encode_batch_usda(subject: BatchWritable, placement: Placement = PLAIN) -> bytes:
+    """The layer, UTF-8. All rovers share its time codes: dividing one by timeCodesPerSecond gives the float64 of
+    `time_s`. The layer's own data say what is in the JSON answer beside the columns. Raises NonFiniteError.
+    """
+    about = {**subject.tables(), **subject.about(), **subject.extras()}
+    indices = [int(index) for index in subject.indices]
+    if not indices:
+        return Layer(about, "no rover could be predicted", 1.0, 0.0, 0.0).text({}, placement).encode()
+    rows = [subject.one(row) for row in range(len(indices))]
+    times = [row.columns()["time_s"] for row in rows]
+    everything = np.unique(np.concatenate(times))
+    rate, codes = time_codes(everything)
+    prims = {}
+    for number, path in enumerate(fleet_paths(placement, indices)):
+        own = codes[np.searchsorted(everything, times[number])]
+        prims[path] = rover(rows[number], placement.beside(indices[number]), path, own)
+    doc = f"{len(prims)} rovers, by their index among those asked for; each as in a layer of one"
+    return Layer(about, doc, rate, codes[0], codes[-1]).text(prims, placement).encode()
