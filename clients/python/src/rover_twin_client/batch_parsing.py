@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +17,7 @@ from rover_twin_client.answers import Array, Band, Frame, ModelIdentity, Prior
 from rover_twin_client.batches import Batch, FailedPrediction
 from rover_twin_client.document import Node
 from rover_twin_client.drive_parsing import fault
-from rover_twin_client.errors import UnexpectedAnswerError
+from rover_twin_client.errors import FieldFault, UnexpectedAnswerError
 from rover_twin_client.parsing import frame_of, identity
 
 _POSITIONS = ("x_m", "y_m", "z_m")
@@ -161,9 +162,14 @@ def _placed(failure: FailedPrediction, start: int) -> FailedPrediction:
     """With its place among all scenarios, and its fields in the caller's words."""
     at = failure.index + start
     name = f"scenarios[{at}]"
-    faults = tuple(
-        replace(each, field=f"{name}.{each.field}", message=f"{name}.{each.message}") for each in failure.faults
-    )
+    faults = tuple(_in_words(each, name) for each in failure.faults)
     told = failure.detail == "; ".join(each.message for each in failure.faults)
     detail = "; ".join(each.message for each in faults) if told else f"{name}: {failure.detail}"
     return FailedPrediction(at, detail, faults)
+
+
+def _in_words(fault: FieldFault, scenario: str) -> FieldFault:
+    """As the caller knows it: a number that is missing went as null, and was NaN before."""
+    message = fault.message.replace(" is null", " is nan", 1) if fault.value is None else fault.message
+    value = math.nan if fault.value is None else fault.value
+    return replace(fault, field=f"{scenario}.{fault.field}", value=value, message=f"{scenario}.{message}")

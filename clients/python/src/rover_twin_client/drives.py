@@ -130,7 +130,7 @@ class Drive(Shown):
         return axes
 
     def _driven(self) -> str:
-        return f"{self.summary.distance_m:.2f} m in {self.summary.duration_s:g} s"
+        return f"{self.summary.distance_m:.2f} m in {self.summary.duration_s:.4g} s"
 
     def _table(self) -> Table:
         names = ("time_s", "x_m", "y_m", "z_m", "speed_m_s", "slope_deg", "torque_nm", "brake", "slip_ratio")
@@ -154,7 +154,7 @@ class Drive(Shown):
             ("model", str(self.model)),
         ]
         curve = Line(self.time_s, self.x_m, lower, upper)
-        return Facts(self._driven(), tuple(rows), (curve,), caption=f"x (m) over {self.time_s[-1]:g} s")
+        return Facts(self._driven(), tuple(rows), (curve,), caption=f"x (m) over {self.time_s[-1]:.4g} s")
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,9 +91,12 @@ class AsyncConnection:
 
     async def _attempt(self, call: Call[Answer], files: dict[str, Any] | None) -> Answer:
         async with self._gate:
-            with named_failures(self._url):
-                response = await self._http.send(request_of(self._http, call, files, self._credentials))
+            response = await self._sent(call, files)
         return call.read(response.status_code, response.headers, response.content)
+
+    async def _sent(self, call: Call[Answer], files: dict[str, Any] | None) -> httpx.Response:
+        with named_failures(self._url):
+            return await self._http.send(request_of(self._http, call, files, self._credentials))
 
     async def _answer_as(
         self, call: Call[Answer], form: str | None, save_to: str | os.PathLike[str] | None

@@ -92,9 +92,12 @@ class Connection:
 
     def _attempt(self, call: Call[Answer], files: dict[str, Any] | None) -> Answer:
         with self._gate:
-            with named_failures(self._url):
-                response = self._http.send(request_of(self._http, call, files, self._credentials))
+            response = self._sent(call, files)
         return call.read(response.status_code, response.headers, response.content)
+
+    def _sent(self, call: Call[Answer], files: dict[str, Any] | None) -> httpx.Response:
+        with named_failures(self._url):
+            return self._http.send(request_of(self._http, call, files, self._credentials))
 
     def _answer_as(
         self, call: Call[Answer], form: str | None, save_to: str | os.PathLike[str] | None

@@ -28,7 +28,8 @@ def page(facts: Facts) -> str:
     picture = _grid(facts) if facts.grid is not None else _curves(facts)
     return (
         '<div style="display:flex;gap:1.5em;align-items:center;flex-wrap:wrap">'
-        f'<table><caption style="text-align:left"><b>{escape(facts.title)}</b></caption>{rows}</table>{picture}</div>'
+        f'<table style="color:inherit"><caption style="text-align:left"><b>{escape(facts.title)}</b></caption>'
+        f"{rows}</table>{picture}</div>"
     )
 
 
@@ -48,13 +49,13 @@ def _curves(facts: Facts) -> str:
         y = HEIGHT - EDGE - (values[at] - bottom) / (top - bottom) * (HEIGHT - 2 * EDGE)
         return [f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True) if np.isfinite(a) and np.isfinite(b)]
 
-    shapes = ""
+    shapes, width = "", 1.5 if len(lines) < 5 else 0.5
     for line in lines:
         if line.lower is not None and line.upper is not None:
             around = points(line, line.lower) + points(line, line.upper)[::-1]
             shapes += f'<polygon points="{" ".join(around)}" fill="{CURVE}" fill-opacity=".2"/>'
         curve = " ".join(points(line, line.values))
-        shapes += f'<polyline points="{curve}" fill="none" stroke="{CURVE}" stroke-width="1.5"/>'
+        shapes += f'<polyline points="{curve}" fill="none" stroke="{CURVE}" stroke-width="{width}"/>'
     return _picture(shapes, facts.caption)
 
 
@@ -69,7 +70,7 @@ def _grid(facts: Facts) -> str:
         for word, run in groupby(facts.grid[row].tolist()):
             count = len(list(run))
             place = f'x="{EDGE + at * width:.1f}" y="{y:.1f}" width="{count * width:.1f}" height="{height:.1f}"'
-            shapes += f'<rect {place} fill="{facts.colours.get(word, "#999999")}"/>'
+            shapes += f'<rect {place} shape-rendering="crispEdges" fill="{facts.colours.get(word, "#999999")}"/>'
             at += count
     return _picture(shapes, facts.caption)
 
