@@ -29,13 +29,14 @@ def served(log: Path, **settings: str) -> Iterator[str]:
         subprocess.Popen(command, cwd=REPOSITORY, env=environment, stdout=sink, stderr=sink) as process,
     ):
         try:
-            _wait_until_ready(f"http://127.0.0.1:{port}", process, log)
+            wait_until_ready(f"http://127.0.0.1:{port}", process, log)
             yield f"http://127.0.0.1:{port}"
         finally:
             process.terminate()
 
 
-def _wait_until_ready(url: str, process: subprocess.Popen[bytes], log: Path) -> None:
+def wait_until_ready(url: str, process: subprocess.Popen[bytes], log: Path) -> None:
+    """Returns once the service predicts; fails with its log when it ends, or takes too long."""
     deadline = time.monotonic() + START_S
     with RoverTwin(url) as twin:
         while True:
