@@ -15,8 +15,10 @@ PACKAGE = Path(__file__).parent / "src" / "rover_twin_client"
 SYNC = {
     "AsyncRoverTwin": "RoverTwin",
     "AsyncDrivesClient": "DrivesClient",
+    "AsyncGate": "Gate",
     "AsyncLive": "Live",
     "AsyncLock": "Lock",
+    "AsyncPredictionsClient": "PredictionsClient",
     "AsyncSocket": "Socket",
     "AsyncTrainingClient": "TrainingClient",
     "AsyncConnection": "Connection",
@@ -34,7 +36,9 @@ SYNC = {
     "push_async_callback": "callback",
     "_async": "_sync",
     "socket_async": "socket_sync",
+    "gate_async": "gate_sync",
     "lock_async": "lock_sync",
+    "together_async": "together_sync",
     "Several tasks may share it": "Several threads may share it",
     "Use it from one event loop": "Threads may share it",
 }

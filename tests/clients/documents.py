@@ -19,6 +19,7 @@ NEAREST_RUN = {
 def prediction_document(query: dict[str, str]) -> dict[str, Any]:
     """What the service answers (contract of /v1/predictions), for a rover that moves 0.1 m/s uphill."""
     across = "z_m" if query.get("frame") == "world" else "y_m"
+    query = {"horizon_s": "10"} | query
     time_s = [0.0, 5.0, float(query["horizon_s"])]
     trajectory = {"time_s": time_s, "x_m": [0.1 * t for t in time_s], across: [0.0, 0.01, 0.02]}
     answer = {

@@ -8,7 +8,6 @@ import re
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -24,47 +23,18 @@ from rover_twin_client import (
     NotFoundError,
     OutsideDomainError,
     RoverTwin,
-    RoverTwinError,
     TimedOutError,
 )
+from tests.clients.served import REPOSITORY, served
 
 pytestmark = pytest.mark.processes
-
-REPOSITORY = Path(__file__).parents[2]
-START_S = 60.0
 
 
 @pytest.fixture(scope="module")
 def service_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The address of a running `rover-twin serve`, ready to predict."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
-    log = tmp_path_factory.mktemp("service") / "log.txt"
-    command = [sys.executable, "-m", "service", "serve", "--host", "127.0.0.1", "--port", str(port)]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("ROVER_TWIN_")}
-    with (
-        log.open("w") as sink,
-        subprocess.Popen(command, cwd=REPOSITORY, env=environment, stdout=sink, stderr=sink) as process,
-    ):
-        try:
-            wait_until_ready(f"http://127.0.0.1:{port}", process, log)
-            yield f"http://127.0.0.1:{port}"
-        finally:
-            process.terminate()
-
-
-def wait_until_ready(url: str, process: subprocess.Popen[bytes], log: Path) -> None:
-    deadline = time.monotonic() + START_S
-    with RoverTwin(url) as twin:
-        while True:
-            try:
-                twin.ready()
-            except RoverTwinError as error:
-                if process.poll() is not None or time.monotonic() > deadline:
-                    pytest.fail(f"the service did not become ready: {error}\n{log.read_text()[-3000:]}")
-            else:
-                return
-            time.sleep(0.1)
+    with served(tmp_path_factory.mktemp("service") / "log.txt") as url:
+        yield url
 
 
 @pytest.fixture(scope="module")
@@ -322,7 +292,7 @@ def test_the_shell_script_says_the_services_reason(service_url: str) -> None:
     assert "mass_kg" in done.stderr
 
 
-def test_the_examples_of_the_clients_readme_and_docstring_run(service_url: str) -> None:
+def test_the_examples_of_the_clients_readme_and_docstring_run(service_url: str, tmp_path: Path) -> None:
     text = (REPOSITORY / "clients" / "python" / "README.md").read_text(encoding="utf-8")
     examples = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
     examples = [example for example in examples if "TOKEN" not in example]  # test_training runs the operator's
@@ -330,6 +300,8 @@ def test_the_examples_of_the_clients_readme_and_docstring_run(service_url: str) 
     outputs = [
         subprocess.run(
             [sys.executable, "-W", "error", "-c", example.replace("http://127.0.0.1:8000", service_url)],
+            cwd=tmp_path,
+            env=os.environ | {"MPLBACKEND": "agg"},
             capture_output=True,
             text=True,
             check=True,
@@ -337,7 +309,11 @@ def test_the_examples_of_the_clients_readme_and_docstring_run(service_url: str) 
         for example in examples
     ]
 
-    prediction, driving, mobility, suggestions, faults, shortest = outputs
+    prediction, tables, batch, gathered, driving, mobility, suggestions, faults, shortest = outputs
+    assert "rover.usda" in tables
+    assert {path.name for path in tmp_path.iterdir()} == {"prediction.png", "rover.usda"}
+    assert re.match(r"\(2000, 21\) \d+ climb, \d+ are refused\nscenarios\[\d+\].slope_deg is 45", batch)
+    assert re.search(r"^\d+ climb$", gathered)
     assert re.search(r"viper-lunar@\d+ (climbs|stalls|slides)", prediction)
     assert re.search(r"^passes \S+ \S+$", driving, flags=re.MULTILINE)
     assert re.search(r"^120 N m: up to \d+\.\d deg, by band$", mobility, flags=re.MULTILINE)

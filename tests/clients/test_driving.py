@@ -35,7 +35,7 @@ from rover_twin_client import (
     UnexpectedAnswerError,
 )
 from service.local import load
-from tests.clients.test_against_service import wait_until_ready
+from tests.clients.served import wait_until_ready
 
 pytestmark = pytest.mark.processes
 

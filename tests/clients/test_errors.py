@@ -147,3 +147,21 @@ def test_any_failure_at_all_becomes_one_of_our_errors(status: int, content: byte
 @given(st.dictionaries(st.sampled_from(["type", "title", "detail", "errors", "instance"]), st.just([{}]) | st.none()))
 def test_half_readable_problems_still_become_errors(members: dict[str, Any]) -> None:
     assert isinstance(responses.failure(422, {}, json.dumps(members).encode()), RefusedError)
+
+
+def test_a_fault_has_the_name_of_the_argument() -> None:
+    fault = {"field": "budget.max_epochs", "value": 0, "allowed": "1 to 9", "message": "budget.max_epochs is 0"}
+    content = body("invalid-input", 422, errors=[fault]).replace(b"because", b"budget.max_epochs is 0")
+
+    error = responses.failure(422, {}, content, {"budget.max_epochs": "max_epochs"})
+
+    assert isinstance(error, InvalidInputError)
+    assert str(error) == "max_epochs is 0 (HTTP 422, invalid-input)"
+    assert (error.faults[0].field, error.faults[0].message) == ("max_epochs", "max_epochs is 0")
+    assert error.problem is not None
+    assert error.problem.faults[0].field == "budget.max_epochs"
+
+
+def test_a_404_of_somebody_else_doubts_the_address() -> None:
+    assert "is base_url right?" in str(responses.failure(404, {}, b'{"detail": "Not Found"}'))
+    assert "base_url" not in str(responses.failure(404, {}, body("model-not-found", 404)))

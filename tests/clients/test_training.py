@@ -180,7 +180,10 @@ def test_without_the_token_nothing_is_told(service: OperatedService, ask: Do) ->
 def test_a_job_is_started_followed_and_awaited(do: Do, runs: str, service: OperatedService) -> None:
     job = do("start_training_job", "rover", [runs], test_fraction=0.25, seed=7, description="a test", **QUICK)
     events = do("job_events", job.id)
-    ended = do("wait_for_job", job.id, 30)
+    told: list[tuple[int, int]] = []
+    ended = do("wait_for_job", job.id, 30, progress=lambda done, total: told.append((done, total)))
+    assert told == sorted(set(told))
+    assert told[-1] == (100, 100)
 
     assert job.actor == "admin"
     assert job.request["split"]["test_fraction"] == 0.25

@@ -33,6 +33,7 @@ from rover_twin_client.answers import (
     SuggestionReason,
     Summary,
 )
+from rover_twin_client.batches import Batch, FailedPrediction
 from rover_twin_client.drives import (
     Drive,
     DriveDomain,
@@ -82,6 +83,7 @@ __all__ = [
     "AsyncLive",
     "AsyncRoverTwin",
     "Band",
+    "Batch",
     "ConflictError",
     "ConnectionFailedError",
     "Dataset",
@@ -94,6 +96,7 @@ __all__ = [
     "DriveEvent",
     "DriveSummary",
     "FailedDrive",
+    "FailedPrediction",
     "FieldFault",
     "Finding",
     "Frame",

@@ -8,15 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rover_twin_client.shown import Facts, Line, Shown, Table, plots
+from rover_twin_client.shown.facts import over_time, span
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Frame: TypeAlias = Literal["slope", "world"]
 Array: TypeAlias = NDArray[np.float64]
 Flags: TypeAlias = NDArray[np.bool_]
 Words: TypeAlias = NDArray[np.str_]
+SPEEDS = ("speed_m_s", "rear_wheel_speed_rad_s", "front_wheel_speed_rad_s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +91,9 @@ class Domain:
     distance: float | None = None
     nearest_runs: tuple[NearestRun, ...] = ()
 
+    def __str__(self) -> str:
+        return "inside" if self.inside else "outside: " + "; ".join(reason.detail for reason in self.reasons)
+
 
 @dataclass(frozen=True, slots=True)
 class Summary:
@@ -110,6 +120,11 @@ class Prior:
     y_m: Array | None
     z_m: Array | None
 
+    def columns(self) -> dict[str, Array]:
+        """The positions under the names that they have in a table."""
+        positions = {"prior_x_m": self.x_m, "prior_y_m": self.y_m, "prior_z_m": self.z_m}
+        return {name: column for name, column in positions.items() if column is not None}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
@@ -125,9 +140,19 @@ class Band:
     y_lower_m: Array
     y_upper_m: Array
 
+    def columns(self) -> dict[str, Array]:
+        """The bounds by name."""
+        names = ("x_lower_m", "x_upper_m", "y_lower_m", "y_upper_m")
+        return {name: getattr(self, name) for name in names}
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Prediction:
+    def around(self, name: str) -> tuple[Array, Array, float] | None:
+        """Lower and upper bounds of x_m or y_m, and the level; None for what has none."""
+        bounds = {"x_m": (self.x_lower_m, self.x_upper_m), "y_m": (self.y_lower_m, self.y_upper_m)}
+        return (*bounds[name], self.level) if name in bounds else None
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Prediction(Shown):
     """Where the rover goes: positions in metres at the times `time_s` in seconds; arrays (N,).
 
     The last time is the horizon. `prior` and `band` are None unless the call had `include=["prior", "band"]`. With
@@ -150,9 +175,45 @@ class Prediction:
     rear_wheel_speed_rad_s: Array | None = None
     front_wheel_speed_rad_s: Array | None = None
 
+    def plot(self, column: str = "x_m", ax: Axes | None = None) -> Axes:
+        """Plots one column of `to_pandas` over time, with band and prior where they were included (matplotlib).
 
-@dataclass(frozen=True, slots=True, eq=False)
-class MobilityMap:
+        `ax` are the axes to draw on, by default those of a new figure. Returns the axes. Raises InvalidInputError for a
+        column that this prediction does not have.
+        """
+        columns = self._table().columns
+        prior = None if self.prior is None else self.prior.columns().get(f"prior_{column}")
+        interval = None if self.band is None else self.band.around(column)
+        title = f"{self.summary.outcome} - {_asked(self.scenario)}"
+        values = plots.chosen(columns, column)
+        return plots.over_time(ax, title, self.time_s, column, values, prior=prior, interval=interval)
+
+    def _table(self) -> Table:
+        positions = {"time_s": self.time_s, "x_m": self.x_m, "y_m": self.y_m, "z_m": self.z_m}
+        speeds = {name: getattr(self, name) for name in SPEEDS}
+        prior = {} if self.prior is None else self.prior.columns()
+        band = {} if self.band is None else self.band.columns()
+        scenario = {name: getattr(self.scenario, name) for name in ("slope_deg", "mass_kg", "torque_nm", "horizon_s")}
+        about = {"model": str(self.model), "frame": self.frame, "outcome": self.summary.outcome, **scenario}
+        return over_time({**positions, **speeds, **prior, **band}, about)
+
+    def _facts(self) -> Facts:
+        x = None if self.band is None else self.band.around("x_m")
+        y = None if self.band is None else self.band.around("y_m")
+        lower, upper, level = x or (None, None, None)
+        rows = [
+            ("outcome", self.summary.outcome),
+            ("final x", span(self.summary.final_x_m, lower, upper, level)),
+            ("final y", span(self.summary.final_y_m, *(y or (None, None, None)))),
+            ("domain", str(self.domain)),
+            ("model", str(self.model)),
+        ]
+        curve = Line(self.time_s, self.x_m, lower, upper)
+        return Facts(_asked(self.scenario), tuple(rows), (curve,), caption=f"x (m) over {self.time_s[-1]:g} s")
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class MobilityMap(Shown):
     """Outcome, speed and slip of one mass. A table has a row for each torque (T) and a column for each slope (S).
 
     `outcome` is climbs, stalls or slides. `mean_speed_m_s` is the speed along the slope, negative downhill.
@@ -178,6 +239,52 @@ class MobilityMap:
     inside_domain: Flags  # (T, S)
     steepest_climb_slope_deg: Array  # (T,)
     steepest_inside_domain: tuple[bool | None, ...]  # (T,)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Plots the outcomes over slope and torque, with the steepest slope of each torque as a line (matplotlib).
+
+        `ax` are the axes to draw on, by default those of a new figure. Returns the axes.
+        """
+        title = f"{self.mass_kg:g} kg, {self.horizon_s:g} s - {self.model}"
+        names = ("slope_deg", "torque_nm")
+        axes = plots.grid(ax, title, self.slope_deg, self.torque_nm, self.outcome, names)
+        axes.plot(self.steepest_climb_slope_deg, self.torque_nm, color="black", marker="o", markersize=3)
+        return axes
+
+    def _table(self) -> Table:
+        axes = ("torque_nm", "slope_deg")
+        cells = {name: getattr(self, name) for name in ("outcome", "mean_speed_m_s", "slip_ratio", "inside_domain")}
+        torque, slope = np.meshgrid(self.torque_nm, self.slope_deg, indexing="ij")
+        long = {"torque_nm": torque.ravel(), "slope_deg": slope.ravel()}
+        return Table(
+            columns=long | {name: each.ravel() for name, each in cells.items()},
+            variables={name: (axes, each) for name, each in cells.items()}
+            | {"steepest_climb_slope_deg": (axes[:1], self.steepest_climb_slope_deg)},
+            coordinates={"torque_nm": (axes[:1], self.torque_nm), "slope_deg": (axes[1:], self.slope_deg)},
+            about={"model": str(self.model), "mass_kg": self.mass_kg, "horizon_s": self.horizon_s},
+        )
+
+    def _facts(self) -> Facts:
+        words, counts = np.unique(self.outcome, return_counts=True)
+        known = self.steepest_climb_slope_deg[np.isfinite(self.steepest_climb_slope_deg)]
+        steepest = f"{known.max():.1f} deg" if known.size else "none"
+        sure = "" if self.confidence is None else f", {self.confidence:.0%} sure"
+        shape = f"{self.torque_nm.size} torques x {self.slope_deg.size} slopes"
+        rows = [
+            (
+                "cells",
+                ", ".join(f"{count} {word}" for word, count in zip(words.tolist(), counts.tolist(), strict=True)),
+            ),
+            ("steepest climb", steepest + sure),
+            ("inside the domain", f"{np.count_nonzero(self.inside_domain)} of {self.inside_domain.size} cells"),
+            ("model", str(self.model)),
+        ]
+        caption = (
+            f"slope {self.slope_deg[0]:g} to {self.slope_deg[-1]:g} deg, "
+            f"torque {self.torque_nm[0]:g} to {self.torque_nm[-1]:g} N m"
+        )
+        title = f"{self.mass_kg:g} kg, {shape}"
+        return Facts(title, tuple(rows), grid=self.outcome, caption=caption, colours=plots.COLOURS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,3 +343,10 @@ class Readiness:
 
     model: ModelIdentity
     failures: tuple[object, ...]
+
+
+def _asked(scenario: Scenario) -> str:
+    return (
+        f"slope {scenario.slope_deg:g} deg, {scenario.mass_kg:g} kg, "
+        f"{scenario.torque_nm:g} N m, {scenario.horizon_s:g} s"
+    )

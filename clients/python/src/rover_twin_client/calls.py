@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 import operator
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from http import HTTPStatus
-from typing import Any, Generic, TypeVar
+from pathlib import Path
+from typing import Any, Generic, TypeVar, cast
+
+import numpy as np
 
 from rover_twin_client import parsing, responses
 from rover_twin_client.answers import MobilityMap, ModelInfo, Prediction, Readiness, SuggestedRuns
@@ -17,6 +21,7 @@ from rover_twin_client.errors import FieldFault, InvalidInputError
 
 Answer = TypeVar("Answer")
 Value = TypeVar("Value")
+PREDICTIONS = "/v1/predictions"
 NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,62}")
 
 
@@ -26,7 +31,7 @@ class Call(Generic[Answer]):
 
     `retried` allows the client to send it again. `json` or `form` is its body. `read_s` is how long the
     answer may take, in seconds, when that is longer than usual. An answer succeeds with one of `statuses`, and its body
-    is JSON unless `is_document` is false.
+    is JSON unless `is_document` is false. `words` has this client's name for fields that the service calls otherwise.
     """
 
     path: str
@@ -40,41 +45,77 @@ class Call(Generic[Answer]):
     statuses: tuple[int, ...] = (200,)
     read_s: float | None = None
     is_document: bool = True
+    words: Mapping[str, str] = field(default_factory=dict)
 
     def read(self, status: int, headers: Mapping[str, str], content: bytes) -> Answer:
         """Returns the value of the answer, or raises the named error (see `responses.document`)."""
         if status == HTTPStatus.NO_CONTENT or not self.is_document:
-            responses.require(status, headers, content, self.statuses)
+            responses.require(status, headers, content, self.statuses, self.words)
             return self.parse(Node(content))
-        return self.parse(responses.document(status, headers, content, self.statuses))
+        return self.parse(responses.document(status, headers, content, self.statuses, self.words))
 
 
 def predict(
     slope_deg: float,
     mass_kg: float,
     torque_nm: float,
-    horizon_s: float,
+    horizon_s: float | None,
     *,
     dt_s: float | None,
+    times_s: Iterable[float] | None = None,
     model: str | None,
     frame: str,
     include: Iterable[str],
     strict: bool,
     band_level: float | None = None,
 ) -> Call[Prediction]:
-    """GET /v1/predictions. The service checks the ranges; this refuses only what is not a number."""
-    numbers = {"slope_deg": slope_deg, "mass_kg": mass_kg, "torque_nm": torque_nm, "horizon_s": horizon_s}
-    numbers |= said(dt_s=dt_s, band_level=band_level)
+    """/v1/predictions, by GET unless the times would not fit into an address.
+
+    The service checks the ranges; this refuses only what is not a number, and a level without a band.
+    """
+    require_band(include, band_level)
+    numbers = {"slope_deg": slope_deg, "mass_kg": mass_kg, "torque_nm": torque_nm}
+    numbers |= said(horizon_s=horizon_s, dt_s=dt_s, band_level=band_level)
+    wanted = list(inclusions(include))
+    if times_s is not None:
+        body: dict[str, Any] = {name: finite(name, value) for name, value in numbers.items()}
+        body |= said(model=model) | {"frame": frame, "times_s": column("times_s", times_s)}
+        body |= ({"include": wanted} if wanted else {}) | ({"strict": True} if strict else {})
+        return Call(PREDICTIONS, parsing.prediction, method="POST", json=body)
     query = {name: repr(number(name, value)) for name, value in numbers.items()}
-    if model is not None:
-        query["model"] = model
-    query["frame"] = frame
-    wanted = ",".join([include] if isinstance(include, str) else include)
-    if wanted:
-        query["include"] = wanted
-    if strict:
-        query["strict"] = "true"
-    return Call("/v1/predictions", parsing.prediction, query)
+    query |= said(model=model) | {"frame": frame}
+    query |= ({"include": ",".join(wanted)} if wanted else {}) | ({"strict": "true"} if strict else {})
+    return Call(PREDICTIONS, parsing.prediction, query)
+
+
+def in_form(call: Call[Any], form: str) -> Call[bytes]:
+    """The same question, answered as a file: its bytes."""
+    if not isinstance(form, str) or not form:
+        raise refused("form", form, "the name of a form, such as csv")
+    query = {**call.query, "format": form}
+    headers = {"Accept": "*/*"}
+    return replace(call, parse=_content, query=query, headers=headers, is_document=False, words={"format": "form"})
+
+
+def form_of(form: str | None, save_to: str | os.PathLike[str] | None) -> str | None:
+    """The form that was asked for: by name, or by the ending of the file to save to. None: values of Python."""
+    if form is not None or save_to is None:
+        return form
+    ending = Path(save_to).suffix.removeprefix(".").lower()
+    if not ending:
+        raise refused("save_to", str(save_to), "a file whose name ends with a form, such as .csv, or `form` beside it")
+    return ending
+
+
+def inclusions(include: Iterable[str]) -> tuple[str, ...]:
+    """The parts to add; one alone may be a text."""
+    return (include,) if isinstance(include, str) else tuple(include)
+
+
+def require_band(include: Iterable[str], band_level: float | None) -> None:
+    """Raises InvalidInputError for the level of a band that is not asked for."""
+    if band_level is not None and "band" not in inclusions(include):
+        raise refused("band_level", band_level, 'nothing without include=["band"]: it is the level of that band')
 
 
 def mobility(
@@ -156,9 +197,33 @@ def whole(name: str, value: object) -> str:
         raise refused(name, value, "a whole number") from fault
 
 
+def column(name: str, values: object) -> list[Any]:
+    """One column as a list; raises InvalidInputError unless it is a flat list of finite numbers or flags."""
+    if (
+        not hasattr(values, "__array__")
+        and not isinstance(values, str | bytes | Mapping)
+        and isinstance(values, Iterable)
+    ):
+        values = list(values)  # a range or a generator
+    try:
+        found = np.asarray(values)
+    except ValueError as ragged:
+        raise refused(name, "a ragged list", "a flat list of numbers") from ragged
+    if found.ndim != 1 or (found.size and found.dtype.kind not in "fiub"):
+        raise refused(name, values, "a flat list of numbers")
+    if found.dtype.kind == "f" and not np.isfinite(found).all():
+        raise refused(name, float(found[~np.isfinite(found)][0]), "finite numbers")
+    listed: list[Any] = found.tolist()
+    return listed
+
+
 def said(**values: Value | None) -> dict[str, Value]:
     """The values that are not None."""
     return {name: value for name, value in values.items() if value is not None}
+
+
+def _content(answer: Node) -> bytes:
+    return cast("bytes", answer.value)
 
 
 def _version_path(name: str, version: int) -> str:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from rover_twin_client import drive_parsing as parsing
-from rover_twin_client.calls import Call, finite, refused, said
+from rover_twin_client.calls import Call, column, finite, inclusions, refused, require_band, said
 from rover_twin_client.drives import Controls, Drive, FailedDrive, Track
 
 LONGEST_DRIVE_READ_S = 60.0
@@ -103,29 +101,16 @@ def options(
 ) -> dict[str, Any]:
     """The members of the body that say how to answer."""
     body: dict[str, Any] = {name: finite(name, value) for name, value in said(dt_s=dt_s, band_level=band_level).items()}
+    require_band(include, band_level)
     if times_s is not None:
         body["times_s"] = column("times_s", times_s)
-    wanted = [include] if isinstance(include, str) else list(include)
+    wanted = list(inclusions(include))
     return body | said(model=model) | {"frame": frame} | ({"include": wanted} if wanted else {})
 
 
 def columns(name: str, given: Mapping[str, Any]) -> dict[str, list[Any]]:
     """Columns of numbers or flags as lists; raises InvalidInputError for anything else."""
     return {str(key): column(f"{name}.{key}", values) for key, values in given.items()}
-
-
-def column(name: str, values: object) -> list[Any]:
-    """One column as a list; raises InvalidInputError unless it is a flat list of numbers or flags."""
-    try:
-        found = np.asarray(values)
-    except ValueError as ragged:
-        raise refused(name, "a ragged list", "a flat list of numbers") from ragged
-    if found.ndim != 1 or (found.size and found.dtype.kind not in "fiub"):
-        raise refused(name, values, "a flat list of numbers")
-    if found.dtype.kind == "f" and not np.isfinite(found).all():
-        raise refused(name, float(found[~np.isfinite(found)][0]), "finite numbers")
-    listed: list[Any] = found.tolist()
-    return listed
 
 
 def _track(name: str, given: object) -> dict[str, list[Any]]:

@@ -8,10 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
 
 from rover_twin_client.answers import Array, Band, DomainReason, Flags, Frame, ModelIdentity
 from rover_twin_client.errors import FieldFault
+from rover_twin_client.shown import Facts, Line, Shown, Table, plots
+from rover_twin_client.shown.facts import over_time, span
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Track: TypeAlias = Mapping[str, Sequence[float] | Array]
 """`{"distance_m": [...], "slope_deg": [...]}` or `{"horizontal_m": [...], "elevation_m": [...]}`."""
@@ -72,9 +79,16 @@ class DriveDomain:
     inside: bool
     stretches: tuple[Stretch, ...]
 
+    def __str__(self) -> str:
+        if self.inside:
+            return "inside"
+        outside = [each for each in self.stretches if not each.inside]
+        details = dict.fromkeys(reason.detail for each in outside for reason in each.reasons)
+        return f"outside on {len(outside)} of {len(self.stretches)} stretches: " + "; ".join(details)
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Drive:
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Drive(Shown):
     """Where the rover goes along its track; arrays (N,) at the times `time_s`.
 
     `slope_deg`, `torque_nm` and `brake` are what acts at each time. `y_m` is None in the frame `world`, `z_m` in the
@@ -98,6 +112,49 @@ class Drive:
     events: tuple[DriveEvent, ...]
     summary: DriveSummary
     domain: DriveDomain
+
+    def plot(self, column: str = "x_m", ax: Axes | None = None) -> Axes:
+        """Plots one column of `to_pandas` over time, with its band and the events (matplotlib).
+
+        `ax` are the axes to draw on, by default those of a new figure. Returns the axes.
+        """
+        values = plots.chosen(self._table().columns, column)
+        interval = None if self.band is None else self.band.around(column)
+        title = f"{self.summary.outcome} - {self._driven()}"
+        axes = plots.over_time(ax, title, self.time_s, column, values, interval=interval)
+        for event in self.events:
+            axes.axvline(event.time_s, color="grey", linewidth=0.8, linestyle=":")
+            axes.annotate(
+                event.event, (event.time_s, 0.02), xycoords=("data", "axes fraction"), rotation=90, fontsize=8
+            )
+        return axes
+
+    def _driven(self) -> str:
+        return f"{self.summary.distance_m:.2f} m in {self.summary.duration_s:.4g} s"
+
+    def _table(self) -> Table:
+        names = ("time_s", "x_m", "y_m", "z_m", "speed_m_s", "slope_deg", "torque_nm", "brake", "slip_ratio")
+        wheels = ("rear_wheel_speed_rad_s", "front_wheel_speed_rad_s")
+        band = {} if self.band is None else self.band.columns()
+        about = {"model": str(self.model), "frame": self.frame, "outcome": self.summary.outcome}
+        return over_time({name: getattr(self, name) for name in (*names, *wheels)} | band, about)
+
+    def _facts(self) -> Facts:
+        x = None if self.band is None else self.band.around("x_m")
+        lower, upper, level = x or (None, None, None)
+        arrival = self.summary.arrival_time_s
+        energy_j = self.summary.motor_energy_j
+        rows = [
+            ("outcome", self.summary.outcome),
+            *([("arrives", f"after {arrival:.2f} s")] if arrival is not None else []),
+            ("final x", span(self.summary.final_x_m, lower, upper, level)),
+            ("motor energy", f"{energy_j:.3g} J" if np.isfinite(energy_j) else "unknown"),
+            ("events", ", ".join(f"{each.event} at {each.time_s:.2f} s" for each in self.events) or "none"),
+            ("domain", str(self.domain)),
+            ("model", str(self.model)),
+        ]
+        curve = Line(self.time_s, self.x_m, lower, upper)
+        return Facts(self._driven(), tuple(rows), (curve,), caption=f"x (m) over {self.time_s[-1]:.4g} s")
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,13 +84,14 @@ class RefusedError(RoverTwinError):
 
 
 class InvalidInputError(RefusedError, ValueError):
-    """One or more inputs are out of range or of the wrong kind. `faults` names each field, value and range.
+    """One or more inputs are out of range or of the wrong kind. `faults` names each argument, its value and range.
 
-    `problem` is None when the client itself refused the input, such as a mass of "heavy".
+    `problem` has the same in the service's names. It is None when the client itself refused the input, such as a mass
+    of "heavy".
     """
 
     def __init__(self, message: str, problem: Problem | None = None, faults: tuple[FieldFault, ...] = ()) -> None:
-        self.faults = faults if problem is None else problem.faults
+        self.faults = faults if faults or problem is None else problem.faults
         super().__init__(message, problem)
 
 

@@ -6,7 +6,7 @@ The client gives up after `RECONNECTS` connections in a row without an event.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 
 from httpx_sse import ServerSentEvent
@@ -92,12 +92,14 @@ class Following:
 class Waiting:
     """Looks at a job every second until it has ended. It gives up after `RECONNECTS` failed looks in a row."""
 
-    def __init__(self, timeout_s: float) -> None:
+    def __init__(self, timeout_s: float, report: Callable[[int], None] = lambda _: None) -> None:
         if not 0 < timeout_s < float("inf"):
             raise refused("timeout_s", timeout_s, "more than 0 seconds, and finite")
         self._timeout_s = timeout_s
         self._seen = False
         self._drops = 0
+        self._report = report
+        self._percent = 0
 
     def looking(self, kind: type[Retries]) -> Retries:
         """Runs a function that gets the job until the job has ended; raises TimedOutError when that takes too long."""
@@ -111,7 +113,15 @@ class Waiting:
             return isinstance(state.outcome.exception(), _DROPS) and self._seen and self._drops <= RECONNECTS
         self._seen, self._drops = True, 0
         job: TrainingJob = state.outcome.result()
+        self._tell(job)
         return not job.ended
+
+    def _tell(self, job: TrainingJob) -> None:
+        """Reports how many more percents are done: never fewer than before, also when a phase begins anew."""
+        done = 100 if job.state == "succeeded" else int(100 * job.progress.fraction) if job.progress else 0
+        if done > self._percent:
+            self._report(done - self._percent)
+            self._percent = done
 
     def _late(self, state: RetryCallState) -> TrainingJob:
         assert state.outcome is not None

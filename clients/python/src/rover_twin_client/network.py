@@ -29,23 +29,17 @@ from rover_twin_client.errors import (
 DEFAULT_URL = "http://127.0.0.1:8000"
 # A running service accepts at once. An answer takes milliseconds, but the largest map takes seconds, and a version is
 # read from its store before it answers for the first time.
-DEFAULT_TIMEOUT = httpx.Timeout(connect=3.0, read=30.0, write=10.0, pool=10.0)
+DEFAULT_TIMEOUT = httpx.Timeout(connect=3.0, read=30.0, write=10.0, pool=None)
 DEFAULT_RETRIES = 2
+# Enough to keep a service busy, few enough for the files that a process may open. A gate in front of httpx counts them,
+# so that its pool never has to wait: there a wait is a time-out, and a thousand waiting requests take minutes to sort.
+DEFAULT_CONNECTIONS = 8
+MOST_CONNECTIONS = 256
+UNLIMITED = httpx.Limits(max_connections=None, max_keepalive_connections=MOST_CONNECTIONS)
 RESTART_S = 5.0  # how long live steps try: a service that restarts answers after about two seconds
 LONGEST_WAIT_S = 10.0  # when the service asks for a longer wait, the call fails at once
 HEADERS = {"Accept": "application/json", "User-Agent": "rover-twin-client"}
 Retries = TypeVar("Retries", bound=BaseRetrying)  # tenacity's Retrying or AsyncRetrying
-
-
-def checked_url(base_url: str) -> httpx.URL:
-    """The base address; raises ValueError unless it is http(s)://host, with an optional port and path."""
-    try:
-        url = httpx.URL(base_url)
-    except (httpx.InvalidURL, TypeError) as fault:
-        raise ValueError(f"base_url is {base_url!r}, which is not an address: {fault}") from fault
-    if url.scheme not in ("http", "https") or not url.host or url.query or url.fragment:
-        raise ValueError(f"base_url is {base_url!r}, allowed is http://host:port or https://host/path")
-    return url
 
 
 def checked_retries(retries: int) -> int:
@@ -53,6 +47,19 @@ def checked_retries(retries: int) -> int:
     if isinstance(retries, bool) or not isinstance(retries, int) or not 0 <= retries <= 10:
         raise ValueError(f"retries is {retries!r}, allowed is 0 to 10")
     return retries
+
+
+def checked_connections(connections: int) -> int:
+    """The number of requests at once; raises ValueError outside 1 to 256."""
+    if isinstance(connections, bool) or not isinstance(connections, int) or not 1 <= connections <= MOST_CONNECTIONS:
+        raise ValueError(f"connections is {connections!r}, allowed is 1 to {MOST_CONNECTIONS}")
+    return connections
+
+
+def from_sending(timeout: float | httpx.Timeout | None) -> httpx.Timeout:
+    """The limits of one request, which count from when it is sent: waiting for a connection is none of them."""
+    limits = httpx.Timeout(timeout)
+    return httpx.Timeout(connect=limits.connect, read=limits.read, write=limits.write, pool=None)
 
 
 def checked_token(token: str | None) -> dict[str, str]:
@@ -102,16 +109,30 @@ def bridging(kind: type[Retries], retries: int) -> Retries:
 
 @contextmanager
 def named_failures(base_url: httpx.URL) -> Iterator[None]:
-    """Turns the errors of httpx into those of this client, which name the address."""
+    """Turns the errors of httpx into those of this client, which name the address and say what to try."""
     try:
         yield
+    except httpx.ConnectTimeout as fault:
+        raise TimedOutError(
+            f"no connection to {base_url} in time; is the address right, and does a firewall let you through?"
+        ) from fault
     except httpx.TimeoutException as fault:
-        phase = type(fault).__name__
-        raise TimedOutError(f"{base_url} did not answer in time ({phase}); try a longer `timeout`") from fault
+        raise TimedOutError(f"{base_url} did not answer in time; try a longer `timeout`, or ask for less") from fault
     except httpx.TransportError as fault:
-        raise ConnectionFailedError(f"cannot talk to {base_url}: {fault}; is the service running?") from fault
+        raise ConnectionFailedError(f"cannot talk to {base_url}: {fault}; {_advice(base_url, fault)}") from fault
     except httpx.RequestError as fault:  # the remaining case: a body that cannot be decoded
         raise UnexpectedAnswerError(f"cannot read the answer of {base_url}: {fault}") from fault
+
+
+def _advice(base_url: httpx.URL, fault: Exception) -> str:
+    said = str(fault)
+    if base_url.scheme == "https" and ("WRONG_VERSION_NUMBER" in said or "RECORD_LAYER_FAILURE" in said):
+        return f"it does not speak https there: try {base_url.copy_with(scheme='http')}"
+    if "CERTIFICATE_VERIFY_FAILED" in said:
+        return "its certificate is not one that this computer trusts: the variable SSL_CERT_FILE names further ones"
+    if isinstance(fault, httpx.ConnectError):
+        return "is the service running? `rover-twin serve` starts one"
+    return "is the service running?"
 
 
 def _is_worth_another_try(fault: BaseException) -> bool:

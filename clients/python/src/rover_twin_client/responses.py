@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from http import HTTPStatus
 from typing import Any
 
 from rover_twin_client import training_parsing
 from rover_twin_client.document import Node
 from rover_twin_client.errors import (
+    PROBLEM_PREFIX,
     ConflictError,
     DatasetRejectedError,
     FieldFault,
@@ -32,38 +35,56 @@ SHOWN_CHARACTERS = 200  # of a foreign body: enough to recognise the page of a p
 
 
 def document(
-    status: int, headers: Mapping[str, str], content: bytes, statuses: Collection[int] = (HTTPStatus.OK,)
+    status: int,
+    headers: Mapping[str, str],
+    content: bytes,
+    statuses: Collection[int] = (HTTPStatus.OK,),
+    words: Mapping[str, str] | None = None,
 ) -> Node:
     """The JSON document of a successful answer. `headers` must ignore the case of names.
 
+    `words` has this client's name for fields that the service calls otherwise.
+
     Raises UnexpectedAnswerError when the body is not JSON, and what `require` raises.
     """
-    require(status, headers, content, statuses)
+    require(status, headers, content, statuses, words)
     try:
         return Node(json.loads(content))
     except (ValueError, RecursionError) as fault:
         raise UnexpectedAnswerError(f"the answer is not JSON: {_shown(content)!r}") from fault
 
 
-def require(status: int, headers: Mapping[str, str], content: bytes, statuses: Collection[int]) -> None:
+def require(
+    status: int,
+    headers: Mapping[str, str],
+    content: bytes,
+    statuses: Collection[int],
+    words: Mapping[str, str] | None = None,
+) -> None:
     """Raises the named error for 4xx and 5xx, and UnexpectedAnswerError for any other status not in `statuses`."""
     if status >= HTTPStatus.BAD_REQUEST:
-        raise failure(status, headers, content)
+        raise failure(status, headers, content, words)
     if status not in statuses:
         expected = " or ".join(str(int(each)) for each in statuses)
         raise UnexpectedAnswerError(f"the service answered HTTP {status}, expected {expected}: is base_url right?")
 
 
-def failure(status: int, headers: Mapping[str, str], content: bytes) -> RoverTwinError:
+def failure(
+    status: int, headers: Mapping[str, str], content: bytes, words: Mapping[str, str] | None = None
+) -> RoverTwinError:
     """The error for a 4xx or 5xx answer, with its problem. A body that is not a problem becomes the `detail` of one."""
     problem = _problem(status, content)
-    message = f"{problem.detail or problem.title} (HTTP {status}, {problem.slug})"
+    faults = tuple(renamed(fault, words or {}) for fault in problem.faults)
+    message = f"{_reason(problem, faults)} (HTTP {status}, {problem.slug})"
     if status == HTTPStatus.SERVICE_UNAVAILABLE:
         return NotReadyError(message, problem, _retry_after_s(headers))
     if status >= HTTPStatus.INTERNAL_SERVER_ERROR:
         return ServerError(message, problem)
     if status in (HTTPStatus.NOT_FOUND, HTTPStatus.GONE):
-        return NotFoundError(message, problem)
+        foreign = (
+            "" if problem.type.startswith(PROBLEM_PREFIX) else "; no rover-twin service says so: is base_url right?"
+        )
+        return NotFoundError(message + foreign, problem)
     if status in (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN) or problem.slug == "too-many-attempts":
         return NotAllowedError(message, problem)
     if status in _CONFLICTS:
@@ -75,8 +96,24 @@ def failure(status: int, headers: Mapping[str, str], content: bytes) -> RoverTwi
     if problem.slug == "dataset-rejected":
         return DatasetRejectedError(message, problem, _report(problem))
     if status == HTTPStatus.UNPROCESSABLE_ENTITY:
-        return InvalidInputError(message, problem)
+        return InvalidInputError(message, problem, faults)
     return RefusedError(message, problem)
+
+
+def renamed(fault: FieldFault, words: Mapping[str, str]) -> FieldFault:
+    """The fault in the names of this client's arguments."""
+    name = words.get(fault.field)
+    if name is None:
+        return fault
+    said = re.sub(rf"(?<![\w.]){re.escape(fault.field)}(?![\w.])", lambda _: name, fault.message, count=1)
+    return replace(fault, field=name, message=said)
+
+
+def _reason(problem: Problem, faults: tuple[FieldFault, ...]) -> str:
+    """What the problem says. Where it lists its faults, these in the names of the arguments."""
+    if faults != problem.faults and problem.detail == "; ".join(fault.message for fault in problem.faults):
+        return "; ".join(fault.message for fault in faults)
+    return problem.detail or problem.title
 
 
 def _problem(status: int, content: bytes) -> Problem:

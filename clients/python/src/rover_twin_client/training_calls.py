@@ -17,6 +17,11 @@ JOBS = "/v1/admin/training-jobs"
 PAGE = 200
 # The service needs minutes for a gigabyte of text, and answers only at the end.
 UPLOAD_S = 900.0
+_ARGUMENTS = {
+    **{f"split.{name}": name for name in ("test_slopes_deg", "test_fraction")},
+    **{f"budget.{name}": name for name in ("max_epochs", "max_minutes")},
+    "Idempotency-Key": "idempotency_key",
+}
 _KEY = re.compile(r"[\x21\x23-\x5b\x5d-\x7e]{1,255}")
 
 
@@ -72,7 +77,7 @@ def dataset(reference: str) -> Call[Dataset]:
 def preview(reference: str, form: str) -> Call[bytes]:
     """GET /v1/admin/datasets/{dataset}/preview."""
     path = f"{_path(DATASETS, 'dataset', reference)}/preview"
-    return Call(path, parsing.content, {"format": form}, is_document=False)
+    return Call(path, parsing.content, {"format": form}, is_document=False, words={"format": "form"})
 
 
 def download(reference: str) -> Call[bytes]:
@@ -92,7 +97,7 @@ def start(request: Mapping[str, Any], key: str) -> Call[TrainingJob]:
     if not isinstance(key, str) or not _KEY.fullmatch(key):
         raise refused("idempotency_key", key, "1 to 255 visible ASCII characters without quotes and backslashes")
     headers = {"Idempotency-Key": f'"{key}"'}
-    return Call(JOBS, parsing.job, method="POST", json=request, headers=headers, statuses=(202,))
+    return Call(JOBS, parsing.job, method="POST", json=request, headers=headers, statuses=(202,), words=_ARGUMENTS)
 
 
 def job_request(

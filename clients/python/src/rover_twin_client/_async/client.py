@@ -1,65 +1,20 @@
-"""Predictions, mobility maps and models, asked over the network."""
+"""Mobility maps and models, asked over the network."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 from rover_twin_client import calls
-from rover_twin_client._async.drives_client import AsyncDrivesClient
-from rover_twin_client.answers import Frame, MobilityMap, ModelInfo, Prediction, Readiness, SuggestedRuns
+from rover_twin_client._async.predictions_client import AsyncPredictionsClient
+from rover_twin_client.answers import MobilityMap, ModelInfo, Readiness, SuggestedRuns
 
 
-class AsyncRoverTwin(AsyncDrivesClient):
+class AsyncRoverTwin(AsyncPredictionsClient):
     """A client of one rover-twin service. Use it from one event loop. Close it, or use it in `async with`.
 
-    It predicts and describes models; `AsyncDrivesClient` adds drives and steps, `AsyncTrainingClient` datasets,
-    training jobs and aliases. `AsyncConnection` explains the arguments.
+    It maps mobility and describes models; `AsyncPredictionsClient` predicts, `AsyncDrivesClient` adds drives and steps,
+    `AsyncTrainingClient` datasets, training jobs and aliases. `AsyncConnection` explains the arguments.
     """
-
-    async def predict(
-        self,
-        slope_deg: float,
-        mass_kg: float,
-        torque_nm: float,
-        horizon_s: float = 10.0,
-        *,
-        dt_s: float | None = None,
-        model: str | None = None,
-        frame: Frame = "slope",
-        include: Iterable[str] = (),
-        strict: bool = False,
-        band_level: float | None = None,
-    ) -> Prediction:
-        """Predicts where the rover goes on this slope, with this mass and this motor stall torque per wheel.
-
-        `horizon_s` is how long the rover drives, in seconds. `dt_s` is the spacing of the predicted times, in seconds;
-        the service chooses it when it is None. `model` is `name`, `name@3` or `name@alias`. `frame` is `slope` or
-        `world`.
-
-        `include=["prior"]` adds the closed-form trajectory. `include=["band"]` adds lower and upper bounds of x and y,
-        in the slope frame only. `band_level` (0.5 to 0.99) is the pointwise coverage of that band; the service chooses
-        it when it is None. `include=["speed"]` adds the speed along the slope, `include=["wheel_speed"]` how fast rear
-        and front wheels turn; a version that does not know that refuses it. `strict` refuses a scenario outside the
-        validated domain. Without it, the answer marks such a scenario in `domain`.
-
-        Raises InvalidInputError for a value out of range, OutsideDomainError with `strict`, NotFoundError for an
-        unknown model. Failures of the network and of the service raise the other errors of `rover_twin_client.errors`.
-        """
-        return await self._answer(
-            calls.predict(
-                slope_deg,
-                mass_kg,
-                torque_nm,
-                horizon_s,
-                dt_s=dt_s,
-                model=model,
-                frame=frame,
-                include=include,
-                strict=strict,
-                band_level=band_level,
-            )
-        )
 
     async def mobility(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -12,16 +13,21 @@ import httpx
 from httpx_sse import EventSource, ServerSentEvent
 from tenacity import AsyncRetrying
 
-from rover_twin_client.calls import Answer, Call
+from rover_twin_client.address import checked_url
+from rover_twin_client.calls import Answer, Call, form_of, in_form
 from rover_twin_client.following import SILENCE_S, Following, ended_early
+from rover_twin_client.gate_async import AsyncGate
 from rover_twin_client.network import (
+    DEFAULT_CONNECTIONS,
     DEFAULT_RETRIES,
     DEFAULT_TIMEOUT,
     DEFAULT_URL,
     HEADERS,
+    UNLIMITED,
+    checked_connections,
     checked_retries,
     checked_token,
-    checked_url,
+    from_sending,
     named_failures,
     patient,
     request_of,
@@ -37,7 +43,11 @@ class AsyncConnection:
     `token` is one that the operator of the service gave you; every call sends it. Datasets, training jobs and aliases
     need it, all else where the service was started so. Its name is the `actor` in the service's records.
 
+    `base_url` is the address of the service, with or without `/v1` at its end.
+
     `timeout` limits connecting, sending and reading, in seconds each; an `httpx.Timeout` sets them one by one.
+    `connections` (1 to 256) is how many requests are on their way at once. Further ones wait for their turn, as long
+    as it takes: that is no time-out, because the clock of a request starts when it is sent.
     `retries` (0 to 10) is how many more times a call is tried, when the connection breaks or the service answers 503
     with a Retry-After of at most 10 s. `transport` replaces the network, for example with a proxy or in a test.
 
@@ -51,12 +61,16 @@ class AsyncConnection:
         token: str | None = None,
         timeout: float | httpx.Timeout = DEFAULT_TIMEOUT,
         retries: int = DEFAULT_RETRIES,
+        connections: int = DEFAULT_CONNECTIONS,
         transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
         self._url = checked_url(base_url)
         self._retries = checked_retries(retries)
         self._credentials = checked_token(token)
-        self._http = httpx.AsyncClient(base_url=self._url, headers=HEADERS, timeout=timeout, transport=transport)
+        self._gate = AsyncGate(checked_connections(connections))
+        self._http = httpx.AsyncClient(
+            base_url=self._url, headers=HEADERS, timeout=from_sending(timeout), limits=UNLIMITED, transport=transport
+        )
 
     async def aclose(self) -> None:
         """Closes the connections; the client cannot be used afterwards."""
@@ -76,16 +90,31 @@ class AsyncConnection:
         return answer
 
     async def _attempt(self, call: Call[Answer], files: dict[str, Any] | None) -> Answer:
-        with named_failures(self._url):
-            response = await self._http.send(request_of(self._http, call, files, self._credentials))
+        async with self._gate:
+            response = await self._sent(call, files)
         return call.read(response.status_code, response.headers, response.content)
+
+    async def _sent(self, call: Call[Answer], files: dict[str, Any] | None) -> httpx.Response:
+        with named_failures(self._url):
+            return await self._http.send(request_of(self._http, call, files, self._credentials))
+
+    async def _answer_as(
+        self, call: Call[Answer], form: str | None, save_to: str | os.PathLike[str] | None
+    ) -> Answer | bytes | Path:
+        """The value of the answer; with `form` its bytes, with `save_to` the path of a file that holds them."""
+        form = form_of(form, save_to)
+        if form is None:
+            return await self._answer(call)
+        if save_to is None:
+            return await self._answer(in_form(call, form))
+        return await self._save(in_form(call, form), Path(save_to))
 
     async def _save(self, call: Call[bytes], path: Path) -> Path:
         saved: Path = await retrying(AsyncRetrying, self._retries)(self._attempt_to_save, call, path)
         return saved
 
     async def _attempt_to_save(self, call: Call[bytes], path: Path) -> Path:
-        async with AsyncExitStack() as opened:
+        async with self._gate, AsyncExitStack() as opened:
             opened.enter_context(named_failures(self._url))
             response = await self._http.send(request_of(self._http, call, None, self._credentials), stream=True)
             opened.push_async_callback(response.aclose)

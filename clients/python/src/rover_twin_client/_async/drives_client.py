@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, overload
 
 from rover_twin_client import drive_calls as calls
 from rover_twin_client._async.live import AsyncLive
@@ -14,6 +16,69 @@ from rover_twin_client.drives import Controls, Drive, FailedDrive, Track, Transp
 
 class AsyncDrivesClient(AsyncTrainingClient):
     """Where a rover goes along a track whose slope changes, under torques that change."""
+
+    @overload
+    async def drive(
+        self,
+        mass_kg: float,
+        track: Track,
+        controls: Controls,
+        *,
+        start_speed_m_s: float | None = None,
+        horizon_s: float | None = None,
+        until_distance_m: float | None = None,
+        dt_s: float | None = None,
+        times_s: Sequence[float] | None = None,
+        model: str | None = None,
+        frame: Frame = "slope",
+        include: Iterable[str] = (),
+        band_level: float | None = None,
+        strict: bool = False,
+        form: None = None,
+        save_to: None = None,
+    ) -> Drive: ...
+
+    @overload
+    async def drive(
+        self,
+        mass_kg: float,
+        track: Track,
+        controls: Controls,
+        *,
+        start_speed_m_s: float | None = None,
+        horizon_s: float | None = None,
+        until_distance_m: float | None = None,
+        dt_s: float | None = None,
+        times_s: Sequence[float] | None = None,
+        model: str | None = None,
+        frame: Frame = "slope",
+        include: Iterable[str] = (),
+        band_level: float | None = None,
+        strict: bool = False,
+        form: str,
+        save_to: None = None,
+    ) -> bytes: ...
+
+    @overload
+    async def drive(
+        self,
+        mass_kg: float,
+        track: Track,
+        controls: Controls,
+        *,
+        start_speed_m_s: float | None = None,
+        horizon_s: float | None = None,
+        until_distance_m: float | None = None,
+        dt_s: float | None = None,
+        times_s: Sequence[float] | None = None,
+        model: str | None = None,
+        frame: Frame = "slope",
+        include: Iterable[str] = (),
+        band_level: float | None = None,
+        strict: bool = False,
+        form: str | None = None,
+        save_to: str | os.PathLike[str],
+    ) -> Path: ...
 
     async def drive(
         self,
@@ -31,7 +96,9 @@ class AsyncDrivesClient(AsyncTrainingClient):
         include: Iterable[str] = (),
         band_level: float | None = None,
         strict: bool = False,
-    ) -> Drive:
+        form: str | None = None,
+        save_to: str | os.PathLike[str] | None = None,
+    ) -> Drive | bytes | Path:
         """Predicts a drive along `track` under `controls`.
 
         `track` is `{"distance_m": [...], "slope_deg": [...]}`, slope over the distance along the surface, or
@@ -40,27 +107,26 @@ class AsyncDrivesClient(AsyncTrainingClient):
         do. Without `start_speed_m_s` the rover is parked and let go. The drive ends after `horizon_s` (the service's
         default is 20 s), or where it reaches `until_distance_m`. `times_s` are the times to answer at, instead of
         `dt_s`. `include=["band"]` adds the interval, `include=["wheel_speed"]` how fast the wheels turn. `model`,
-        `frame`, `band_level` and `strict` are those of `predict`.
+        `frame`, `band_level`, `strict`, `form` and `save_to` are those of `predict`.
 
         Raises what `predict` raises.
         """
-        return await self._answer(
-            calls.drive(
-                mass_kg,
-                track,
-                controls,
-                start_speed_m_s=start_speed_m_s,
-                horizon_s=horizon_s,
-                until_distance_m=until_distance_m,
-                dt_s=dt_s,
-                times_s=times_s,
-                model=model,
-                frame=frame,
-                include=include,
-                band_level=band_level,
-                strict=strict,
-            )
+        call = calls.drive(
+            mass_kg,
+            track,
+            controls,
+            start_speed_m_s=start_speed_m_s,
+            horizon_s=horizon_s,
+            until_distance_m=until_distance_m,
+            dt_s=dt_s,
+            times_s=times_s,
+            model=model,
+            frame=frame,
+            include=include,
+            band_level=band_level,
+            strict=strict,
         )
+        return await self._answer_as(call, form, save_to)
 
     async def drive_batch(
         self,

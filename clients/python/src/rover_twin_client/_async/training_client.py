@@ -14,6 +14,7 @@ from tenacity import AsyncRetrying
 from rover_twin_client import training_calls as calls
 from rover_twin_client._async.connection import AsyncConnection
 from rover_twin_client.following import Following, Waiting, succeeded
+from rover_twin_client.progress import Progress, reporting
 from rover_twin_client.training import (
     Alias,
     Dataset,
@@ -201,12 +202,16 @@ class AsyncTrainingClient(AsyncConnection):
         """
         return self._follow(calls.events_path(job_id), Following(after, self._retries))
 
-    async def wait_for_job(self, job_id: str, timeout_s: float = 3600.0) -> TrainingJob:
+    async def wait_for_job(self, job_id: str, timeout_s: float = 3600.0, *, progress: Progress = False) -> TrainingJob:
         """Waits until a job has succeeded, and returns it. The service may restart meanwhile.
+
+        `progress` is that of `predict_batch`: it counts percents.
 
         Raises TrainingFailedError when the job failed or was cancelled, TimedOutError when it has not ended in time.
         """
-        ended: TrainingJob = await Waiting(timeout_s).looking(AsyncRetrying)(self.training_job, job_id)
+        with reporting(progress, 100, "percent") as report:
+            waiting = Waiting(timeout_s, report)
+            ended: TrainingJob = await waiting.looking(AsyncRetrying)(self.training_job, job_id)
         return succeeded(ended)
 
     async def alias(self, name: str, alias: str = "champion") -> Alias:

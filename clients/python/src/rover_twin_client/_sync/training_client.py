@@ -15,6 +15,7 @@ from tenacity import Retrying
 from rover_twin_client import training_calls as calls
 from rover_twin_client._sync.connection import Connection
 from rover_twin_client.following import Following, Waiting, succeeded
+from rover_twin_client.progress import Progress, reporting
 from rover_twin_client.training import (
     Alias,
     Dataset,
@@ -202,12 +203,16 @@ class TrainingClient(Connection):
         """
         return self._follow(calls.events_path(job_id), Following(after, self._retries))
 
-    def wait_for_job(self, job_id: str, timeout_s: float = 3600.0) -> TrainingJob:
+    def wait_for_job(self, job_id: str, timeout_s: float = 3600.0, *, progress: Progress = False) -> TrainingJob:
         """Waits until a job has succeeded, and returns it. The service may restart meanwhile.
+
+        `progress` is that of `predict_batch`: it counts percents.
 
         Raises TrainingFailedError when the job failed or was cancelled, TimedOutError when it has not ended in time.
         """
-        ended: TrainingJob = Waiting(timeout_s).looking(Retrying)(self.training_job, job_id)
+        with reporting(progress, 100, "percent") as report:
+            waiting = Waiting(timeout_s, report)
+            ended: TrainingJob = waiting.looking(Retrying)(self.training_job, job_id)
         return succeeded(ended)
 
     def alias(self, name: str, alias: str = "champion") -> Alias:
