@@ -206,7 +206,7 @@ class PredictionBody(PredictionInputs):
     )
 
 
-_FORMAT = Field(description="Form of the answer; it wins over the `Accept` header. Without both, JSON.")
+FORMAT = Field(description="Form of the answer; it wins over the `Accept` header. Without both, JSON.")
 
 
 class FormatQuery(BaseModel):
@@ -214,7 +214,7 @@ class FormatQuery(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    format: Annotated[Format | SkipJsonSchema[None], _FORMAT] = None
+    format: Annotated[Format | SkipJsonSchema[None], FORMAT] = None
 
 
 class TableFormatQuery(BaseModel):
@@ -222,7 +222,7 @@ class TableFormatQuery(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    format: Annotated[TableFormat | SkipJsonSchema[None], _FORMAT] = None
+    format: Annotated[TableFormat | SkipJsonSchema[None], FORMAT] = None
 
 
 def _split_commas(value: object) -> object:

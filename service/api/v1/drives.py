@@ -32,8 +32,9 @@ _MEANINGS = {
     Format.NPZ: "NumPy archive: an array for each column, and `metadata`, JSON text.",
     Format.ARROW: "Arrow IPC stream: one record batch; the schema's metadata is JSON text.",
     Format.USDA: "USD text layer: the rover as time samples of `/Rover`, Z-up, metres, in the world frame.",
-    Format.SVG: "Plot of position, speed, slope and torque against time, with the events.",
+    Format.SVG: "The track from the side; position, speed, slip, slope and torque against time, with the events.",
     Format.PNG: "The plot as pixels.",
+    Format.HTML: "A page for people: plot, summary, domain, some points as a table. It loads nothing.",
 }
 RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {

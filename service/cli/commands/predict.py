@@ -13,7 +13,7 @@ from service.cli.failures import UsageError
 from service.cli.output import note
 from service.cli.store_access import open_store
 
-FormatName = Literal["table", "json", "csv", "npz", "arrow", "usda", "svg", "png"]
+FormatName = Literal["table", "json", "csv", "npz", "arrow", "usda", "svg", "png", "html"]
 
 
 def predict(
@@ -55,7 +55,7 @@ def predict(
         FormatName,
         typer.Option(
             "--format",
-            help="A table for people, or what the API answers: text, NumPy archive, Arrow stream, USD layer or plot. "
+            help="A table for people, or what the API answers: text, NumPy, Arrow, USD layer, plot or page. "
             "npz, arrow and png are no text: they go to a file or a pipe.",
         ),
     ] = "table",
