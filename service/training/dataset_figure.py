@@ -56,7 +56,9 @@ def preview(dataset: Dataset, *, kind: str = "svg", origin: Origin | None = None
     Raises KeyError for another kind.
     """
     drawing = Drawing(f"Dataset {dataset.name}", _told(dataset), lambda: preview_figure(dataset))
-    return {"svg": as_svg, "png": as_png, "html": lambda each: _page(dataset, each, origin)}[kind](drawing)
+    if kind == "html":
+        return _page(dataset, drawing, origin)
+    return {"svg": as_svg, "png": as_png}[kind](drawing)
 
 
 def preview_figure(dataset: Dataset) -> Figure:

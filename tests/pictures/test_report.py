@@ -16,7 +16,7 @@ from tests.pictures.looking import contrast, luminance, require_page, require_pn
 
 HOSTILE = (
     '<script>alert("x")</script>', "</title><img src=x onerror=alert(1)>", "$\\frac{1}{0$", "a\0b\x1b[31m", "\ud800",
-    "--><svg onload=alert(1)>", "{title} {0} %s", "'\"&amp;", "javascript:alert(1)", "]]>", "ü – 月 \u202e",
+    "--><svg onload=alert(1)>", "{title} {0} %s", "'\"&amp;", "javascript:alert(1)", "]]>", "ü 月 \u202e",
 )  # fmt: skip
 words = st.one_of(st.sampled_from(HOSTILE), st.text(max_size=30))
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from pydantic import BaseModel, ConfigDict
 from pydantic.json_schema import SkipJsonSchema
 
-from model_store import DEFAULT_ALIAS, Manifest, NotFoundError, VersionRetiredError
+from model_store import DEFAULT_ALIAS, Manifest, ModelStore, NotFoundError, VersionRetiredError
 from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.http.negotiation import choose
 from service.api.http.openapi import problem_responses
@@ -91,8 +92,7 @@ async def get_comparison(
     require_name(name)
     form = choose(PICTURE_MEDIA_TYPES, asked.format, request.headers.get("accept"))
     reference = asked.against or f"{name}@{DEFAULT_ALIAS}"
-    candidate, against = await services.read_much(lambda: _manifests(services, (name, version), reference))
-    key = [_tag_of(each) for each in (candidate, against)]
+    candidate, against, key = await services.read_much(lambda: _found(services, (name, version), reference))
     question = "\n".join([*key, asked.model_dump_json(exclude={"format", "against"})]).encode()
     delivery = _delivery(request, form).tagged(request, question, fixed=False)
     if nothing_new := delivery.not_modified():
@@ -107,16 +107,19 @@ def _delivery(request: Request, form: PictureFormat) -> Delivery:
     return Delivery.of(request, encoder.media_type, text=encoder.text)
 
 
-def _manifests(services: Services, version: tuple[str, int], reference: str) -> tuple[Manifest, Manifest]:
+def _found(services: Services, version: tuple[str, int], reference: str) -> tuple[Manifest, Manifest, tuple[str, str]]:
+    """Both manifests, and of both what an answer follows from."""
     store = services.store
     ours = store.manifest(*version)
     against = store.resolve(reference)
-    return ours, store.manifest(against.name, against.version)
+    theirs = store.manifest(against.name, against.version)
+    return ours, theirs, (_tag_of(store, ours), _tag_of(store, theirs))
 
 
-def _tag_of(manifest: Manifest) -> str:
+def _tag_of(store: ModelStore, manifest: Manifest) -> str:
     files = ",".join(each.sha256 for each in manifest.files.values())
-    return f"{manifest.name}@{manifest.version} {manifest.created_at.isoformat()} {files}"
+    state, _ = store.version_state(manifest.name, manifest.version)
+    return f"{manifest.name}@{manifest.version} {manifest.created_at.isoformat()} {state} {files}"
 
 
 async def _with_twins(services: Services, candidate: Manifest, against: Manifest) -> Two:
@@ -124,6 +127,7 @@ async def _with_twins(services: Services, candidate: Manifest, against: Manifest
     loaded: list[Loaded] = []
     for each in (candidate, against):
         try:
+            await services.storage.run(partial(services.store.require_usable, each.name, each.version))
             loaded.append(await services.twin(f"{each.name}@{each.version}"))
         except (MissingPartError, CheckpointError, VersionRetiredError, NotFoundError) as error:
             return Two(candidate, against, None, str(error))
