@@ -99,7 +99,7 @@ def _figure(figure: Drawing | StoredFigure | None) -> str:
     if isinstance(figure, StoredFigure):
         content, title = base64.b64encode(figure.svg).decode(), _text(figure.title)
         return f'<figure class="plate"><img alt="{title}" src="data:image/svg+xml;base64,{content}"></figure>'
-    return f"<figure>{inside_page(figure).decode()}</figure>"
+    return f'<figure tabindex="0">{inside_page(figure).decode()}</figure>'
 
 
 def _table(table: Table) -> str:
@@ -168,6 +168,7 @@ tbody th{white-space:nowrap}td.text{overflow-wrap:anywhere}
 thead th{border-bottom:1px solid var(--faint)}tbody th{font-weight:400}
 summary{cursor:pointer;color:var(--second)}
 :focus-visible{outline:2px solid var(--second);outline-offset:2px}
+@media (max-width:40rem){figure{overflow-x:auto}figure svg{min-width:36rem}}
 @media print{body{font-size:10.5pt}main{max-width:none;padding:0}
 section,figure,tr{break-inside:avoid}h2{break-after:avoid}
 details:not([open]){display:none}}"""
