@@ -49,6 +49,7 @@ from service.api.v1 import (
     predictions,
     steps,
     suggested_runs,
+    version_pages,
 )
 from service.api.v1.admin import aliases, audit, datasets, training_jobs, version_states
 from service.api.v2 import routes as inference
@@ -234,7 +235,9 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
     app.include_router(drive_batch.router)
     docs.install(app)
     app.include_router(page.router)
-    for resource in (inference, mobility, models, fmu, suggested_runs, health, metrics, datasets, training_jobs, audit):
+    for resource in (inference, mobility, models, version_pages, fmu, suggested_runs, health, metrics):
+        app.include_router(resource.router)
+    for resource in (datasets, training_jobs, audit):
         app.include_router(resource.router)
     for router in (aliases.reading, aliases.moving, version_states.reading, version_states.changing):
         app.include_router(router)

@@ -83,9 +83,26 @@ def test_predictions_in_every_form_but_pictures(client: httpx.Client, form: str)
     )
 
 
-@pytest.mark.parametrize("form", ["svg", "png"])
+@pytest.mark.parametrize("form", ["svg", "png", "html"])
 def test_a_picture_is_refused_by_what_is_missing(client: httpx.Client, form: str) -> None:
     assert refused(client.get("/v1/predictions", params={**QUESTION, "format": form}), "Matplotlib")
+
+
+def test_a_browser_gets_the_numbers_where_there_is_no_page_for_it(client: httpx.Client) -> None:
+    accept = {"accept": "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"}
+    version = "/v1/models/viper-lunar/versions/5"
+    answers = [
+        client.get("/v1/predictions", params=QUESTION, headers=accept),
+        client.get("/v1/mobility", params=MAP, headers=accept),
+        client.get(f"{version}/card", headers=accept),
+        client.get(f"{version}/comparison", params={"against": "viper-lunar@1"}, headers=accept),
+    ]
+
+    assert [each.headers["content-type"] for each in answers] == ["application/json"] * 4
+    assert refused(client.get(f"{version}/card", params={"format": "html"}), "Matplotlib")
+    beside = client.get(f"{version}/comparison", params={"against": "viper-lunar-paper@1"}).json()
+    assert beside["curves"] is None
+    assert "PyTorch" in beside["curves_missing"]
 
 
 def test_the_rest_that_serving_is(client: httpx.Client) -> None:

@@ -16,6 +16,7 @@ from service import child, parts
 from service.errors import DatasetError
 from service.training.stored_dataset import RUNS_FILE
 
+Kind = Literal["svg", "png", "html"]
 WALL_S = 60
 _CPU_S = 60
 _REFUSED = 3
@@ -24,10 +25,10 @@ _REFUSED = 3
 class _Request(BaseModel):
     store_url: str
     dataset: str
-    kind: Literal["svg", "png"]
+    kind: Kind
 
 
-async def preview_in_process(store_url: str, dataset: str, kind: Literal["svg", "png"]) -> bytes:
+async def preview_in_process(store_url: str, dataset: str, kind: Kind) -> bytes:
     """The figure of a dataset, given by its id. When the awaiting task is cancelled, the process is killed.
 
     Raises CorruptArtefactError when what is stored cannot be drawn, TimeoutError after a minute, and MissingPartError
@@ -46,13 +47,16 @@ def main() -> None:
     """Read one request, write one figure."""
     # here, for the parent has no need of the libraries that read and draw
     from service.datasets import read_parquet  # noqa: PLC0415
-    from service.training.dataset_figure import preview  # noqa: PLC0415
+    from service.training.dataset_figure import Origin, preview  # noqa: PLC0415
 
     request = _Request.model_validate_json(child.given_task())
     child.restrain(cpu_s=_CPU_S, wall_s=WALL_S)
     try:
-        runs = ModelStore.open(request.store_url).read_dataset_file(request.dataset, RUNS_FILE)
-        figure = preview(read_parquet(runs, columns=()), kind=request.kind)
+        store = ModelStore.open(request.store_url)
+        runs = store.read_dataset_file(request.dataset, RUNS_FILE)
+        figure = preview(
+            read_parquet(runs, columns=()), kind=request.kind, origin=Origin.of(store.dataset(request.dataset))
+        )
     except (StoreError, DatasetError) as error:
         print(str(error).replace("\n", " "), file=sys.stderr)
         sys.exit(_REFUSED)

@@ -13,10 +13,14 @@ from pydantic.json_schema import SkipJsonSchema
 from service.allowed import allowed_fields
 from service.errors import InvalidValueError
 from service.physics.scenario import Array
+from service.pictures.drawing import as_png, as_svg
 from service.settings import LIMITS
 from service.twin import Loaded, Outcome
 from service.twin.mobility import CONFIDENCE, MOST_VALUES, MobilityMap
-from service.wire.prediction import PredictionInputs, TableFormatQuery
+from service.wire.forms import MapFormat
+from service.wire.forms.numbers import dump, require_finite
+from service.wire.mobility_picture import drawing_of_map, map_as_html
+from service.wire.prediction import FORMAT, PredictionInputs
 from service.wire.prediction_answer import ModelIdentity
 from service.wire.whole_numbers import PLAIN_INTEGER
 
@@ -79,8 +83,10 @@ class MobilityInputs(BaseModel):
         return _axis("slope_max_deg", "slope_min_deg", self.slope_min_deg, self.slope_max_deg, self.slope_steps)
 
 
-class MobilityQuery(TableFormatQuery, MobilityInputs):
+class MobilityQuery(MobilityInputs):
     """A map asked for in the query of a GET; text becomes numbers."""
+
+    format: Annotated[MapFormat | SkipJsonSchema[None], FORMAT] = None
 
 
 def _axis(highest_name: str, lowest_name: str, lowest: float, highest: float, steps: int) -> Array:
@@ -126,6 +132,18 @@ class MobilityAnswer(BaseModel):
         list[bool | None],
         Field(description="For each torque, whether the steepest slope is inside the domain; null where it is null."),
     ]
+
+
+def written(loaded: Loaded, found: MobilityMap, form: MapFormat) -> bytes:
+    """The map in a form. Raises MissingPartError for a picture where Matplotlib is not installed, NonFiniteError."""
+    if form is MapFormat.JSON:
+        return dump(map_as_json(loaded, found))
+    require_finite((found.mean_speed_m_s, found.slip_ratio, found.steepest_climb_slope_deg), "answer")
+    if form is MapFormat.CSV:
+        return map_as_csv(found).encode()
+    if form is MapFormat.HTML:
+        return map_as_html(loaded, found)
+    return (as_svg if form is MapFormat.SVG else as_png)(drawing_of_map(loaded, found))
 
 
 def map_as_json(loaded: Loaded, found: MobilityMap) -> dict[str, Any]:

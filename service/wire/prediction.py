@@ -214,13 +214,13 @@ class PredictionBody(PredictionInputs):
     )
 
 
-_FORMAT = Field(description="Form of the answer; it wins over the `Accept` header. Without both, JSON.")
+FORMAT = Field(description="Form of the answer; it wins over the `Accept` header. Without both, JSON.")
 
 
 class FormatQuery(StageInputs):
     """How a prediction is written; it belongs to the address, not to the scenario."""
 
-    format: Annotated[Format | SkipJsonSchema[None], _FORMAT] = None
+    format: Annotated[Format | SkipJsonSchema[None], FORMAT] = None
 
 
 class TableFormatQuery(BaseModel):
@@ -228,7 +228,7 @@ class TableFormatQuery(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    format: Annotated[TableFormat | SkipJsonSchema[None], _FORMAT] = None
+    format: Annotated[TableFormat | SkipJsonSchema[None], FORMAT] = None
 
 
 def _split_commas(value: object) -> object:

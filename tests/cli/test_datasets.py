@@ -139,7 +139,7 @@ def test_a_drive_goes_in_thinned_and_out_and_in_again(tmp_path):
         (("show", "absent"), ExitCode.NOT_FOUND, "absent"),
         (("export", "absent", "FOLDER/new"), ExitCode.NOT_FOUND, "absent"),
         (("export", "small", "FOLDER"), ExitCode.USAGE, "exists"),
-        (("preview", "small", "FOLDER/x.pdf"), ExitCode.USAGE, ".svg or .png"),
+        (("preview", "small", "FOLDER/x.pdf"), ExitCode.USAGE, ".svg, .png or .html"),
         (("preview", "absent", "FOLDER/x.svg"), ExitCode.NOT_FOUND, "absent"),
         (("upload", "FOLDER"), ExitCode.USAGE, "is no file"),
         (("upload", "FOLDER/runs.csv"), ExitCode.REFUSED, "missing-column"),

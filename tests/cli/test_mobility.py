@@ -80,3 +80,16 @@ def test_two_forms_are_one_too_many(small_store):
 
 def test_what_is_not_there(small_store):
     assert call(*WORDS[:-1], "absent", "--store", small_store).code == ExitCode.NOT_FOUND
+
+
+@pytest.mark.parametrize(("form", "begin"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("html", b"<!DOCTYPE html>")])
+def test_the_map_is_a_picture_in_a_file(small_store, tmp_path, form, begin):
+    file = tmp_path / f"map.{form}"
+    done = call(*WORDS, *RANGES, "--format", form, "--output", file, "--store", small_store)
+
+    assert (done.code, done.out) == (0, ""), done.err
+    assert file.read_bytes().startswith(begin)
+
+
+def test_letters_are_no_file(small_store, tmp_path):
+    assert call(*WORDS, "--output", tmp_path / "map", "--store", small_store).code == ExitCode.USAGE

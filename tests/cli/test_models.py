@@ -214,3 +214,19 @@ def test_the_default_model_of_the_settings_is_kept(store, monkeypatch):
     monkeypatch.setenv("ROVER_TWIN_DEFAULT_MODEL", "rover@2")
     refused = call("models", "delete", "rover", "2", "--reason", "x", "--store", store)
     assert (refused.code, "default model" in refused.err) == (ExitCode.REFUSED, True)
+
+
+@pytest.mark.parametrize(("form", "begin"), [("svg", "<?xml"), ("html", "<!DOCTYPE html>"), ("json", "{")])
+def test_a_card_and_a_comparison_are_written_in_the_forms_of_the_server(small_store, tmp_path, form, begin):
+    for words in (("card", "rover"), ("compare", "rover@1", "rover@1")):
+        file = tmp_path / f"{words[0]}.{form}"
+        done = call("models", *words, "--format", form, "--output", file, "--store", small_store)
+        assert (done.code, done.out) == (0, ""), done.err
+        assert file.read_text().startswith(begin)
+
+
+def test_a_picture_and_json_are_two_answers(small_store):
+    done = call("models", "compare", "rover@1", "rover@1", "--json", "--format", "svg", "--store", small_store)
+
+    assert done.code == ExitCode.USAGE
+    assert "two answers" in done.error

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from service.datasets import Dataset, Run, parse_passport
-from service.training.dataset_figure import MOST_RUNS, preview, preview_figure
+from service.training.dataset_figure import MOST_ROWS, MOST_RUNS, Origin, preview, preview_figure
 from tests.datasets.conftest import PASSPORT
+from tests.pictures.looking import require_page
 
 
 def dataset(count):
@@ -59,3 +61,17 @@ def test_a_slope_that_changes_changes_the_colour_and_torque_and_brake_are_marked
     np.testing.assert_allclose(scenarios.lines[0].get_ydata(), [0.0, 60.0])
     np.testing.assert_allclose(scenarios.collections[1].get_offsets(), [[500.0, 60.0]])
     assert "1 that change" in scenarios.get_title(loc="left")
+
+
+@pytest.mark.slow
+def test_as_a_page_it_lists_its_runs_and_what_strangers_wrote_stays_text():
+    hostile = "<script>alert(1)</script>$\\frac{1}{0$"
+    data = dataset(3)
+    named = Dataset(hostile, data.passport, tuple(replace(run, name=f"{hostile}{run.name}") for run in data.runs))
+    page = require_page(preview(named, kind="html", origin=Origin(hostile, "0" * 64, hostile, f"today by {hostile}")))
+
+    assert "".join(page.text).count(hostile) >= 6
+    assert sum(tag == "tr" for tag, _ in page.elements) == 1 + 3
+    many = require_page(preview(dataset(MOST_ROWS + 5), kind="html"))
+    assert sum(tag == "tr" for tag, _ in many.elements) == 1 + MOST_ROWS
+    assert f"The first {MOST_ROWS} of {MOST_ROWS + 5} runs" in "".join(many.text)

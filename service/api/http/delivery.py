@@ -12,6 +12,7 @@ from fastapi import Request, Response
 import service
 from service.api.http.compression import SMALLEST_BYTES, Coding, choose_coding, compressed
 from service.api.http.ranges import PARTIAL, Range, content_range
+from service.pictures import report
 from service.twin import Loaded
 
 # A version never changes, the service that computes with it may: a day is how long an upgrade can stay unseen.
@@ -84,7 +85,8 @@ class Delivery:
 
     def response(self, body: bytes, headers: Mapping[str, str] | None = None) -> Response:
         """The answer. Compresses: call it where that may take its time."""
-        sent = {"Vary": self.vary, **self.cached, **(headers or {})}
+        policy = {"Content-Security-Policy": report.POLICY} if self.media_type == report.MEDIA_TYPE else {}
+        sent = {"Vary": self.vary, **self.cached, **policy, **(headers or {})}
         if self.coding is not Coding.IDENTITY and len(body) >= SMALLEST_BYTES:
             body = compressed(body, self.coding)
             sent["Content-Encoding"] = self.coding

@@ -8,8 +8,10 @@ from typing import TypeVar
 
 import mimeparse
 
+from service import parts
 from service.errors import RoverTwinError
 
+_PAGE = "text/html"
 Form = TypeVar("Form", bound=str)
 
 
@@ -20,12 +22,16 @@ class NotAcceptableError(RoverTwinError):
 def choose(offered: Mapping[Form, str], asked: Form | None, accept: str | None) -> Form:
     """The form to answer in, one of those `offered` with their media types; of equal wishes the first one wins.
 
+    A browser's address bar asks for `text/html` before anything else, so it gets the page where there is one.
+
     Raises NotAcceptableError when `accept` rules out all of them or cannot be read.
     """
     if asked is not None:
         return asked
     if not accept or accept.isspace() or accept == "*/*":
         return next(iter(offered))
+    if not parts.has(parts.PICTURES):  # a browser gets the numbers, not a refusal of the page that it prefers
+        offered = {form: media_type for form, media_type in offered.items() if media_type != _PAGE}
     best = _best(accept.lower(), tuple(offered.values()))
     for form, media_type in offered.items():
         if media_type == best:

@@ -33,8 +33,9 @@ _MEANINGS = {
     Format.ARROW: "Arrow IPC stream: one record batch; the schema's metadata is JSON text.",
     Format.PARQUET: "Parquet file: the table of Arrow, its metadata in the file's key-value metadata.",
     Format.USDA: "USD text layer: the rover as time samples of `/Rover`, or of your own prim in your stage's axes.",
-    Format.SVG: "Plot of position, speed, slope and torque against time, with the events.",
+    Format.SVG: "The track from the side; position, speed, slip, slope and torque against time, with the events.",
     Format.PNG: "The plot as pixels.",
+    Format.HTML: "A page for people: plot, summary, domain, some points as a table. It loads nothing.",
 }
 RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {

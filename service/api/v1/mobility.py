@@ -16,17 +16,14 @@ from service.api.services import TheServices
 from service.physics.scenario import Array
 from service.twin import Count, Loaded
 from service.twin.mobility import mobility_map
-from service.wire.forms import TABLE_MEDIA_TYPES, TableFormat
-from service.wire.forms.numbers import dump
-from service.wire.mobility import (
-    COLUMNS,
-    LAST_COLUMNS,
-    MobilityAnswer,
-    MobilityInputs,
-    MobilityQuery,
-    map_as_csv,
-    map_as_json,
-)
+from service.wire.forms import ENCODERS, MAP_MEDIA_TYPES, Format, MapFormat
+from service.wire.mobility import COLUMNS, LAST_COLUMNS, MobilityAnswer, MobilityInputs, MobilityQuery, written
+
+_MEANINGS = {
+    Format.SVG: "The map as a picture: outcomes, contours of the mean speed, steepest slopes; hatched where outside.",
+    Format.PNG: "The picture as pixels.",
+    Format.HTML: "A page for people: the picture, and the numbers as tables. It loads nothing.",
+}
 
 _RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
@@ -36,7 +33,11 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
             "text/csv": {
                 "schema": {"type": "string"},
                 "example": ",".join([*COLUMNS, *LAST_COLUMNS]) + "\n60.0,28.0,climbs,0.11,0.7,true,29.5,true\n",
-            }
+            },
+            **{
+                ENCODERS[form].media_type: {"schema": {"type": "string", "description": meaning}}
+                for form, meaning in _MEANINGS.items()
+            },
         },
         "headers": {
             "Rover-Twin-Model": {
@@ -73,11 +74,12 @@ router = APIRouter(prefix="/v1/mobility", tags=["mobility"], responses=_RESPONSE
 @router.get("", summary="Where the rover climbs, stalls and slides", response_class=Response, response_model=None)
 async def get_mobility(asked: Annotated[MobilityQuery, Query()], request: Request, services: TheServices) -> Response:
     """Outcome, speed and slip over slope x torque for one mass. For each torque, the steepest slope that is climbed."""
-    form = choose(TABLE_MEDIA_TYPES, asked.format, request.headers.get("accept"))
+    form = choose(MAP_MEDIA_TYPES, asked.format, request.headers.get("accept"))
     torques, slopes = asked.torques_nm(), asked.slopes_deg()
     loaded = await services.twin(asked.model)
     question = orjson.dumps(asked.model_dump(exclude={"model", "format"}))
-    delivery = Delivery.of(request, TABLE_MEDIA_TYPES[form], text=True).cacheable(
+    encoder = ENCODERS[Format(form)]
+    delivery = Delivery.of(request, encoder.media_type, text=encoder.text).cacheable(
         request, loaded, asked.model, question
     )
     if nothing_new := delivery.not_modified():
@@ -91,7 +93,7 @@ def _computed(
     asked: MobilityInputs,
     torques: Array,
     slopes: Array,
-    form: TableFormat,
+    form: MapFormat,
     loaded: Loaded,
     delivery: Delivery,
     count: Count,
@@ -102,5 +104,4 @@ def _computed(
         "Rover-Twin-Model": f"{loaded.twin.name}@{loaded.twin.version}",
         "Rover-Twin-Confidence": "none" if found.confidence is None else f"{found.confidence:g}",
     }
-    body = dump(map_as_json(loaded, found)) if form is TableFormat.JSON else map_as_csv(found).encode()
-    return delivery.response(body, headers)
+    return delivery.response(written(loaded, found, form), headers)

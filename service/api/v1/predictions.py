@@ -35,6 +35,7 @@ _MEANINGS = {
     Format.USDA: "USD text layer: the rover as time samples of `/Rover`, or of your own prim in your stage's axes.",
     Format.SVG: "Plot of the position against time.",
     Format.PNG: "The plot as pixels.",
+    Format.HTML: "A page for people: plot, summary, domain, some points as a table. It loads nothing.",
 }
 _RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {

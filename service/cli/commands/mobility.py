@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from service.cli import options
+from service.cli.answer_forms import chosen_form, write_content
 from service.cli.failures import UsageError
 from service.cli.output import make_table, print_answer
 from service.cli.store_access import open_store
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from service.twin.mobility import MobilityMap
     from service.wire.mobility import MobilityInputs
 
+FormatName = Literal["table", "json", "csv", "svg", "png", "html"]
 _LETTERS = {"climbs": "C", "stalls": "-", "slides": "S"}
 _LETTERS_OUTSIDE = {"climbs": "c", "stalls": ".", "slides": "s"}
 
@@ -47,9 +49,11 @@ def mobility(
         ),
     ] = None,
     form: Annotated[
-        Literal["table", "csv", "json"], typer.Option("--format", help="A map for people, or what the API answers.")
+        FormatName,
+        typer.Option("--format", help="A map in letters, or what the API answers: numbers, a picture or a page."),
     ] = "table",
     json: options.Json = False,
+    output: options.Output = None,
     store: options.Store = None,
 ) -> None:
     """Map where the rover climbs, stalls and slides over slope x torque, and the steepest slope it surely climbs.
@@ -60,9 +64,12 @@ def mobility(
 
     The steepest slope for one torque, to be climbed with a confidence of 95 %, in a script:
       rover-twin mobility --mass-kg 430 --torque-min-nm 60 --confidence 0.95 --json | jq .steepest_climb_slope_deg[0]
+
+    The map as a picture for a slide, and as a page with its numbers:
+      rover-twin mobility --mass-kg 430 --torque-min-nm 30 --torque-max-nm 120 --format svg --output map.svg
+      rover-twin mobility --mass-kg 430 --torque-min-nm 30 --torque-max-nm 120 --format html --output map.html
     """
-    if json and form == "csv":
-        raise UsageError("--json and --format csv ask for two answers; leave one out")
+    chosen = chosen_form(form, json, output)
     asked: dict[str, object] = {
         "mass_kg": mass_kg,
         "torque_min_nm": torque_min_nm,
@@ -77,16 +84,16 @@ def mobility(
     }
     inputs = _checked({name: value for name, value in asked.items() if value is not None})
     loaded, found = _computed(open_store(store), inputs)
-    from service.wire.forms.numbers import dump
-    from service.wire.mobility import map_as_csv, map_as_json
-
-    if json or form == "json":
-        print(dump(map_as_json(loaded, found)).decode())
-    elif form == "csv":
-        print(map_as_csv(found), end="")
-    else:
+    if chosen == "table":
+        if output is not None:
+            raise UsageError("the map in letters is for a terminal; --output wants another --format")
         print(_heading(loaded, found))
         print_answer(_map(found))
+        return
+    from service.wire.forms import MapFormat
+    from service.wire.mobility import written
+
+    write_content(written(loaded, found, MapFormat(chosen)), chosen, output)
 
 
 def _checked(asked: dict[str, Any]) -> MobilityInputs:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from service.cli import options
+from service.cli.answer_forms import chosen_form, write_content
 from service.cli.failures import ExitCode, RefusedError
 from service.cli.output import make_table, note, print_answer, print_json
 from service.cli.store_access import check_names, open_store
@@ -17,6 +18,7 @@ from service.cli.store_access import check_names, open_store
 if TYPE_CHECKING:
     from model_store import AliasRecord, ModelStore
 
+FormatName = Literal["table", "json", "svg", "png", "html"]
 app = typer.Typer(
     name="models",
     help="Look at models, their versions and aliases; move aliases, take versions out of use.",
@@ -103,25 +105,64 @@ def compare_two(
     margin: Annotated[
         float | None, typer.Option(help="How much smaller A's errors must be, as a share, 0 to 0.5. Default: 0.05.")
     ] = None,
+    form: Annotated[
+        FormatName,
+        typer.Option("--format", help="A verdict in text, or what the API answers: numbers, a picture or a page."),
+    ] = "table",
+    output: options.Output = None,
     store: options.Store = None,
     json: options.Json = False,
 ) -> None:
     """Say whether A is better than B, on runs that neither has seen: the gate that training jobs pass.
 
-    The exit code is 0 whatever the verdict; --json has it as "verdict" and "promote".
+    The exit code is 0 whatever the verdict; --json has it as "verdict" and "promote". --format json, svg, png and html
+    add errors by regime, the domains and positions on a few slopes.
 
     Examples:
       rover-twin models compare my-rover@candidate
       rover-twin models compare viper-lunar@2 viper-lunar@1 --json
+      rover-twin models compare viper-lunar@5 viper-lunar@1 --format html --output comparison.html
     """
     from service.cli.views.model_comparison import compare_references, describe_comparison
 
+    chosen = chosen_form(form, json, output)
+    if form != "table":
+        from service.cli.actions.version_pages import comparison
+
+        write_content(comparison(open_store(store), candidate, against, margin, chosen), chosen, output)
+        return
     compared = compare_references(open_store(store), candidate, against, margin)
     if json:
         print_json(compared.describe())
         return
     for part in describe_comparison(compared):
         print_answer(part)
+
+
+@app.command("card")
+def show_card(
+    reference: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME[@VERSION|@ALIAS]", help="A bare name means its champion, else its newest version."
+        ),
+    ],
+    form: Annotated[
+        Literal["json", "svg", "png", "html"], typer.Option("--format", help="Numbers, a picture or a page.")
+    ] = "html",
+    output: options.Output = None,
+    store: options.Store = None,
+) -> None:
+    """Write the card of a version: lineage, errors on runs it has not seen, domain, where it must not be used.
+
+    Examples:
+      rover-twin models card viper-lunar --output card.html
+      rover-twin models card viper-lunar@5 --format svg --output card.svg
+    """
+    from service.cli.actions.version_pages import card
+
+    chosen = chosen_form(form, False, output)
+    write_content(card(open_store(store), reference, chosen), chosen, output)
 
 
 @app.command("verify")

@@ -13,7 +13,7 @@ from service.cli.failures import UsageError
 from service.cli.output import note
 from service.cli.store_access import open_store
 
-FormatName = Literal["table", "json", "csv", "npz", "arrow", "parquet", "usda", "svg", "png"]
+FormatName = Literal["table", "json", "csv", "npz", "arrow", "parquet", "usda", "svg", "png", "html"]
 
 
 def predict(
@@ -56,7 +56,7 @@ def predict(
         typer.Option(
             "--format",
             help="A table for people, or what the API answers: text, NumPy archive, Arrow stream, Parquet file, "
-            "USD layer or plot. npz, arrow, parquet and png are no text: they go to a file or a pipe.",
+            "USD layer, plot or page. npz, arrow, parquet and png are no text: they go to a file or a pipe.",
         ),
     ] = "table",
     usd: Annotated[

@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from service.twin import Loaded
 from service.twin.drives import Drive, DriveDomain
+from service.wire.drives.side import side_of
 from service.wire.forms.numbers import times_text
 from service.wire.forms.subject import Picture, Stage, headers_of, model_of, unit_of
 
 _LABELS = {
-    "x_m": {"slope": "x, m\nalong the track", "world": "x, m\nhorizontal"},
-    "y_m": {"slope": "y, m\nnormal to it"},
-    "z_m": {"world": "z, m\nup"},
+    "slope": "x, m\nalong the track",
+    "world": "x, m\nhorizontal",
 }
 _MOST_MARKS = 12
 _UNITS = {"brake": "", "slip_ratio": "1", "slope_deg": "deg", "torque_nm": "N m"}
@@ -100,7 +100,7 @@ class DriveSubject:
         }
 
     def picture(self) -> Picture:
-        """Position, speed, slope and torque, with the events; shaded while the brake is on."""
+        """The track from the side; position, speed, slip, slope and torque with the events; shaded while braking."""
         drive, twin = self.drive, self.loaded.twin
         outside = "" if drive.domain.inside else ", partly OUTSIDE the domain: extrapolated"
         band = "" if drive.band is None else f", band {drive.band.level:.3g}"
@@ -108,10 +108,35 @@ class DriveSubject:
             f"Drive of {drive.question.mass_kg:g} kg over {drive.summary.duration_s:.4g} s: "
             f"{drive.summary.outcome}{outside}\n{twin.name}@{twin.version}, {drive.frame} frame{band}"
         )
-        where = tuple((name, _LABELS[name][drive.frame]) for name in drive.position_names)
-        more = ("speed_m_s", "speed, m/s"), ("slope_deg", "slope, °\nunder the middle"), ("torque_nm", "torque, N m")
+        where = drive.position_names[0], _LABELS[drive.frame]
+        more = (
+            ("speed_m_s", "speed\nm/s"),
+            ("slip_ratio", "slip ratio"),
+            ("slope_deg", "slope, °\nunder the middle"),
+            ("torque_nm", "torque\nN m"),
+        )
         marks = tuple((each.time_s, each.event.value.replace("_", " ")) for each in drive.events[:_MOST_MARKS])
-        return Picture(title, (*where, *more), marks, held=("torque_nm",), shaded="brake")
+        return Picture(
+            title,
+            (where, *more),
+            marks,
+            held=("torque_nm",),
+            shaded="brake",
+            hatched=tuple((each.from_s, each.to_s) for each in drive.domain.stretches if not each.inside),
+            description=self._told(),
+            side=side_of(drive, twin.model.prior.rover, _MOST_MARKS),
+        )
+
+    def _told(self) -> str:
+        """What the picture shows, in sentences."""
+        drive, found = self.drive, self.drive.summary
+        events = ", ".join(f"{each.event.value.replace('_', ' ')} at {each.time_s:.3g} s" for each in drive.events[:5])
+        return (
+            f"The track from the side with the way of the rover; below it position, speed, slip ratio, slope and "
+            f"torque against time. The rover {found.outcome.value}: after {found.duration_s:.4g} s it is "
+            f"{found.final_x_m:.3g} m along the track. Events: {events or 'none'}. The drive is "
+            f"{'inside' if drive.domain.inside else 'partly outside'} the model's domain."
+        )
 
     def stage(self) -> Stage:
         """The world in both frames, since a track bends; the rover's pitch is the slope under its middle."""

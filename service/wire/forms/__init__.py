@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 from service.wire.forms.arrow import encode_arrow
 from service.wire.forms.csv import encode_csv
+from service.wire.forms.html import encode_html
 from service.wire.forms.json import encode_json
 from service.wire.forms.npz import encode_npz
 from service.wire.forms.parquet import encode_parquet
@@ -32,6 +33,26 @@ class Format(StrEnum):
     USDA = "usda"
     SVG = "svg"
     PNG = "png"
+    HTML = "html"
+
+
+class PictureFormat(StrEnum):
+    """Names of the forms of an answer that is shown rather than read in: numbers, a picture, a page."""
+
+    JSON = "json"
+    SVG = "svg"
+    PNG = "png"
+    HTML = "html"
+
+
+class MapFormat(StrEnum):
+    """Names of the forms of a mobility map."""
+
+    JSON = "json"
+    CSV = "csv"
+    SVG = "svg"
+    PNG = "png"
+    HTML = "html"
 
 
 class TableFormat(StrEnum):
@@ -64,6 +85,7 @@ ENCODERS: Mapping[Format, Encoder] = MappingProxyType(
         Format.USDA: Encoder("model/vnd.usda", encode_usda, text=True, points_at_once=210),
         Format.SVG: Encoder("image/svg+xml", encode_svg, text=True, points_at_once=0),
         Format.PNG: Encoder("image/png", encode_png, text=False, points_at_once=0),
+        Format.HTML: Encoder("text/html", encode_html, text=True, points_at_once=0),
     }
 )
 
@@ -77,14 +99,22 @@ MEDIA_TYPES: Mapping[Format, str] = MappingProxyType({form: each.media_type for 
 TABLE_MEDIA_TYPES: Mapping[TableFormat, str] = MappingProxyType(
     {form: MEDIA_TYPES[Format(form)] for form in TableFormat}
 )
+PICTURE_MEDIA_TYPES: Mapping[PictureFormat, str] = MappingProxyType(
+    {form: MEDIA_TYPES[Format(form)] for form in PictureFormat}
+)
+MAP_MEDIA_TYPES: Mapping[MapFormat, str] = MappingProxyType({form: MEDIA_TYPES[Format(form)] for form in MapFormat})
 
 __all__ = [
     "ENCODERS",
+    "MAP_MEDIA_TYPES",
     "MEDIA_TYPES",
+    "PICTURE_MEDIA_TYPES",
     "TABLE_MEDIA_TYPES",
     "Encoder",
     "Format",
+    "MapFormat",
     "Picture",
+    "PictureFormat",
     "Stage",
     "Subject",
     "TableFormat",

@@ -17,13 +17,27 @@ from service.twin import Frame, Loaded, Prediction
 from service.wire.forms.numbers import times_text
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Side:
+    """A track seen from the side, metres, horizontal and up: its ground (place,), the way of the rear wheel's centre
+    (time,). `rover` is where the rover ends: both wheels' centres as (across, up) and their radius. `marks` are places
+    on the way with their names.
+    """
+
+    ground_m: tuple[Array, Array]
+    way_m: tuple[Array, Array]
+    rover: tuple[tuple[float, float], tuple[float, float], float]
+    marks: tuple[tuple[float, float, str], ...] = ()
+
+
 @dataclass(frozen=True, slots=True)
 class Picture:
     """How something is drawn against time: a panel for each (column, label of its axis), one below the other.
 
     A column with `<stem>_lower_m` and `<stem>_upper_m` beside it gets its band, one with `prior_` before its name the
     prior's. `marks` are moments (s) with their names. `held` are columns that keep their value until the next time,
-    `shaded` is a column of true and false: where it is true the panels are shaded.
+    `shaded` is a column of true and false: where it is true the panels are shaded. `hatched` are times (s), from and
+    to, outside the domain. `description` says what is seen to who cannot see it. `side` is drawn above the panels.
     """
 
     title: str
@@ -31,6 +45,9 @@ class Picture:
     marks: tuple[tuple[float, str], ...] = ()
     held: tuple[str, ...] = ()
     shaded: str = ""
+    hatched: tuple[tuple[float, float], ...] = ()
+    description: str = ""
+    side: Side | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,7 +162,18 @@ class Subject:
             f"{scenario.slope_deg:g}° slope, {scenario.mass_kg:g} kg, {scenario.torque_nm:g} N m: "
             f"{prediction.summary.outcome}{outside}\n{twin.name}@{twin.version}, {frame} frame{band}"
         )
-        return Picture(title, tuple((name, _AXIS_LABELS[name][frame]) for name in prediction.position_names))
+        panels = tuple((name, _AXIS_LABELS[name][frame]) for name in prediction.position_names)
+        return Picture(title, panels, description=self._told())
+
+    def _told(self) -> str:
+        """What the picture shows, in sentences."""
+        found = self.prediction.summary
+        known = "inside" if self.prediction.domain.inside else "outside"
+        return (
+            f"Position against time for {self.prediction.scenario.horizon_s:g} s. The rover {found.outcome.value}: "
+            f"it ends at {found.final_x_m:.3g} m along the slope, with a mean speed of {found.mean_speed_m_s:.3g} m/s. "
+            f"The scenario is {known} the model's domain."
+        )
 
     def stage(self) -> Stage:
         """The world in both frames."""

@@ -130,7 +130,7 @@ def test_a_wrong_format_is_one_fault_that_lists_the_right_ones(service, question
         service.client.post("/v1/predictions", params={"format": value}, json=question),
     ):
         (fault,) = faults_in(answer, "format")
-        assert fault["allowed"] == "one of json, csv, npz, arrow, parquet, usda, svg, png"
+        assert fault["allowed"] == "one of json, csv, npz, arrow, parquet, usda, svg, png, html"
 
 
 @pytest.mark.parametrize("field", [*NUMBERS, "model", "frame", "strict", "format"])

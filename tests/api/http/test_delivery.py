@@ -19,7 +19,7 @@ ADDRESSES = {
     "mobility": ("/v1/mobility", MAP),
     "manifest": ("/v1/models/viper-lunar/versions/1", {}),
 }
-TEXT_FORMS, OTHER_FORMS = ("json", "csv", "usda", "svg"), ("npz", "arrow", "parquet", "png")
+TEXT_FORMS, OTHER_FORMS = ("json", "csv", "usda", "svg", "html"), ("npz", "arrow", "parquet", "png")
 DECODERS = {
     "gzip": gzip.decompress,
     "zstd": lambda body: zstandard.ZstdDecompressor().decompressobj().decompress(body),

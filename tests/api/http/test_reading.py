@@ -20,7 +20,7 @@ ROUTES = [
 ]
 NAMES = [f"{method} {path}" for method, path, _ in ROUTES]
 PLACES = {"name": "viper-lunar", "version": "1", "alias": "champion", "dataset": "0" * 64, "job_id": "0" * 36}
-LISTS = {"include", "origin_m", "pivot", "times_s"}
+LISTS = {"include", "origin_m", "pivot", "slopes_deg", "times_s"}
 WORDS = {"a": "words"}
 
 

@@ -15,7 +15,7 @@ from tests.api.http.test_delivery import OTHER_FORMS, TEXT_FORMS
 from tests.api.readings import DATA_FORMS
 from tests.api.v1.test_formats import MEDIA_TYPES
 
-PICTURES = ("svg", "png")
+PICTURES = ("svg", "png", "html")
 # another value of each field, and what else must be asked for so that it matters
 CHANGES: dict[str, dict[str, Any]] = {
     "slope_deg": {"slope_deg": 27},

@@ -27,6 +27,7 @@ MEDIA_TYPES = {
     "usda": "model/vnd.usda",
     "svg": "image/svg+xml",
     "png": "image/png",
+    "html": "text/html",
 }
 times = st.lists(st.floats(0, 600), min_size=1, max_size=40, unique=True).map(sorted).filter(lambda t: t[-1] >= 1e-4)
 steps = st.builds(

@@ -135,7 +135,7 @@ def test_the_largest_map_is_answered(service):
         ({"confidence": 0.5}, "confidence", "0.75 to 0.995"),
         ({"horizon_s": 601}, "horizon_s", "0.0001 to 600"),
         ({"model": "Viper"}, "model", "name, name@version or name@alias, with a-z, 0-9 and - in names"),
-        ({"format": "xml"}, "format", "one of json, csv"),
+        ({"format": "xml"}, "format", "one of json, csv, svg, png, html"),
     ],
 )
 def test_bad_queries_name_the_field_and_what_is_allowed(service, changes, field, allowed):
@@ -165,7 +165,7 @@ def test_what_is_not_there_is_not_found(service):
 
 def test_the_accept_header_chooses_the_form(service):
     table = service.client.get("/v1/mobility", params=MAP | SHAPE, headers={"accept": "text/csv"})
-    refused = service.client.get("/v1/mobility", params=MAP | SHAPE, headers={"accept": "image/png"})
+    refused = service.client.get("/v1/mobility", params=MAP | SHAPE, headers={"accept": "model/vnd.usda"})
 
     assert table.text == ask(service, format="csv").text
     assert refused.status_code == 406

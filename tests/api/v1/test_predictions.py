@@ -84,7 +84,7 @@ def test_outside_the_domain_is_a_verdict_or_when_strict_a_refusal(service):
         (None, "application/json"),
         ("*/*", "application/json"),
         ("application/*", "application/json"),
-        ("text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8", "application/json"),
+        ("text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8", "text/html"),  # a browser's address bar
         ("text/csv", "text/csv"),
         ("text/*", "text/csv"),
         ("application/json;q=0.5, text/csv", "text/csv"),

@@ -46,6 +46,7 @@ from service.errors import JobError
 from service.jobs.dataset_users import delete_unused, jobs_of
 from service.jobs.import_process import import_in_process
 from service.jobs.preview_process import preview_in_process
+from service.pictures import report
 from service.training.stored_dataset import RUNS_FILE, UploadResult
 from service.wire.datasets import DatasetUsers, report_document
 from service.wire.faults import InputFault, InvalidInputError, fault
@@ -54,7 +55,7 @@ from service.wire.whole_numbers import PLAIN_INTEGER
 MOST_LISTED = 200
 PARQUET = "application/vnd.apache.parquet"
 _MOST_WAITING = 8
-_MEDIA_TYPES = {"svg": "image/svg+xml", "png": "image/png"}
+_MEDIA_TYPES = {"svg": "image/svg+xml", "png": "image/png", "html": report.MEDIA_TYPE}
 
 
 class DatasetsQuery(BaseModel):
@@ -83,7 +84,9 @@ class PreviewQuery(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    format: Annotated[Literal["svg", "png"], Field(description="Form of the figure.")] = "svg"
+    format: Annotated[
+        Literal["svg", "png", "html"], Field(description="Form of the figure; `html` is a page with its numbers.")
+    ] = "svg"
 
 
 _STORE_PROBLEMS = (Slug.ARTEFACT_CORRUPT, Slug.UNSUPPORTED_FORMAT, Slug.STORE_UNAVAILABLE, Slug.OVERLOADED)
@@ -212,7 +215,12 @@ async def get_dataset_preview(
     async with services.figures:
         figure = await preview_in_process(services.settings.store_url, record.id, asked.format)
     # an id is the digest of what it shows: the figure never changes
-    return Response(figure, media_type=_MEDIA_TYPES[asked.format], headers={"Cache-Control": "private, max-age=86400"})
+    policy = {"Content-Security-Policy": report.POLICY} if asked.format == "html" else {}
+    return Response(
+        figure,
+        media_type=_MEDIA_TYPES[asked.format],
+        headers={"Cache-Control": "private, max-age=86400", **policy},
+    )
 
 
 @router.get(
