@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from service.datasets.alignment import Frame, Reference
-from service.datasets.checks import motion, recording, times, values
+from service.datasets.checks import motion, recording, times, values, wheels
 from service.datasets.checks.candidate import Candidate
 from service.datasets.digest import content_digest, stored_integers
 from service.datasets.findings import Code, Finding, reject, warn
@@ -26,7 +26,7 @@ _STAGES: tuple[tuple[Check, ...], ...] = (
     (values.units, recording.reference),
     (values.ranges, values.brake, values.agreement, times.increasing),
     (times.start, times.horizon, times.step, times.varying, times.gaps, recording.start),
-    (motion.origin, motion.jumps, motion.speed, motion.wheel_band),
+    (motion.origin, motion.jumps, motion.speed, motion.wheel_band, wheels.spin, wheels.pitch),
 )
 
 
