@@ -6,10 +6,11 @@ import math
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
 
 from service.datasets.columns import meaning_of
+from service.datasets.file_names import run_name
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.given import Given
 from service.datasets.readers.decimal_comma import Commas, commas_in, told
@@ -29,13 +30,17 @@ SCENARIO_LIMITS: dict[str, tuple[float, float, str, float]] = {
     "torque_nm": (0.0, 10_000.0, "newton millimetres", 1000.0),
     "horizon_s": (1e-3, 600.0, "milliseconds", 1000.0),
 }
+_TEXTS = ("file", "run", "set")
 _REQUIRED = ("file", "mass_kg")
-_KNOWN = ("file", "set", *SCENARIO_LIMITS, "step_s")
+_KNOWN = ("file", "run", "set", *SCENARIO_LIMITS, "step_s")
 
 
 @dataclass(frozen=True, slots=True)
 class RunEntry:
-    """One line of runs.csv. What the table does not have is None; slope and torque may stand in the run's own rows."""
+    """One line of runs.csv. What the table does not have is None; slope and torque may stand in the run's own rows.
+
+    `name` is "" where the run is called after its file.
+    """
 
     file: str
     set_name: str
@@ -45,6 +50,7 @@ class RunEntry:
     horizon_s: float | None
     step_s: float | None
     line: int
+    name: str = ""
 
 
 def parse_run_table(data: bytes, given: Given | None = None) -> tuple[list[RunEntry], list[Finding]]:
@@ -70,7 +76,7 @@ def parse_run_table(data: bytes, given: Given | None = None) -> tuple[list[RunEn
     findings += ignored
     entries: list[RunEntry] = []
     rows = [[cell.strip() for cell in cells] for cells in text.rows()]
-    findings += _with_points(rows, [index for name, index in columns.items() if name not in ("file", "set")])
+    findings += _with_points(rows, [index for name, index in columns.items() if name not in _TEXTS])
     for line, cells in zip(text.lines.tolist(), rows, strict=True):
         if len(cells) < len(names) or any(cells[len(names) :]):
             message = f"{len(cells)} values, the header names {len(names)} columns"
@@ -80,7 +86,17 @@ def parse_run_table(data: bytes, given: Given | None = None) -> tuple[list[RunEn
         findings += problems
         if entry is not None:
             entries.append(entry)
-    return entries, findings
+    return _named(entries, findings)
+
+
+def _named(entries: list[RunEntry], findings: list[Finding]) -> tuple[list[RunEntry], list[Finding]]:
+    """Runs are called as the column `run` says, where it calls every run by a name of its own; else after files."""
+    names = [entry.name for entry in entries]
+    if not any(names) or (len(set(names)) == len(names) and all(run_name(name) == (name, None) for name in names)):
+        return entries, findings
+    message = "not used: it does not give every run a plain name of its own; runs are called after their files"
+    told = warn(FILE, Code.IGNORED_COLUMN, message, column="run")
+    return [replace(entry, name="") for entry in entries], [*findings, told]
 
 
 def _with_points(rows: list[list[str]], indices: Sequence[int]) -> list[Finding]:
@@ -138,7 +154,8 @@ def _entry(cells: dict[str, str], line: int, given: Given) -> tuple[RunEntry | N
         message = f"{cells['file']!r} is read as {file!r}: \\ is what separates folders elsewhere"
         findings.append(warn(FILE, Code.RENAMED, message, row=line, column="file"))
     set_name = cells.get("set") or given.name_of_set()
-    return RunEntry(file, set_name, slope, mass, torque, numbers["horizon_s"], numbers["step_s"], line), findings
+    horizon, step = numbers["horizon_s"], numbers["step_s"]
+    return RunEntry(file, set_name, slope, mass, torque, horizon, step, line, cells.get("run", "")), findings
 
 
 def as_listed(file: str) -> str:
