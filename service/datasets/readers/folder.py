@@ -166,7 +166,7 @@ class _FileReader:
 
     def has(self, file: str) -> bool:
         """Whether there is such a file."""
-        return file in self._composed or (self._root / file).is_file()
+        return file in self._composed or _is_file(self._root / file)
 
     def run(self, file: str, passport: Passport, column_map: ColumnMap | None, said: Alignment) -> Samples:
         """The one run of a file. Raises UnusableFileError."""
@@ -175,7 +175,7 @@ class _FileReader:
     def _read(self, file: str) -> Table:
         left = self._bytes_left
         most = self._max_file_bytes if left is None else max(0, min(self._max_file_bytes, left))
-        path = _inside(self._root, file if (self._root / file).exists() else self._composed.get(file, file))
+        path = _inside(self._root, file if _is_file(self._root / file) else self._composed.get(file, file))
         if _is_parquet(path):
             size = path.stat().st_size
             if left is not None:
@@ -253,6 +253,13 @@ def _without_endings(text: str) -> str:
     return text
 
 
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long, for one
+        return False
+
+
 def _inside(root: Path, file: str) -> Path:
     """The file, once links are followed, is a regular file inside the folder. Raises UnusableFileError."""
     try:
@@ -263,7 +270,7 @@ def _inside(root: Path, file: str) -> Path:
     if not path.is_relative_to(root.resolve()):
         message = "leads out of the dataset's folder; put the file itself inside"
         raise UnusableFileError([reject(file, Code.UNSAFE_PATH, message)])
-    if not path.is_file():
+    if not _is_file(path):
         raise UnusableFileError([reject(file, Code.MISSING_FILE, f"listed in {RUN_TABLE} but not in the folder")])
     return path
 
