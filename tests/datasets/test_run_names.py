@@ -71,7 +71,7 @@ PACKED = pytest.mark.parametrize("pack", [long_text, long_parquet, ours])
 
 @PACKED
 @pytest.mark.parametrize(
-    "name", ["../../evil", "a/../../evil", "/abs", "\\abs", "..\\evil", "C:\\evil", "C:evil", ".", "..."]
+    "name", ["../../evil", "a/../../evil", "/abs", "//b", "\\abs", "..\\evil", "C:\\evil", "C:evil", ".", "..."]
 )
 def test_names_that_lead_elsewhere_are_rejected(pack, name, tmp_path):
     names, findings = sent(tmp_path, pack(["good", name]), "runs")
