@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from service.datasets.alignment import NOTHING_SAID, Alignment
 from service.datasets.columns import meaning_of
 from service.datasets.findings import Code, UnusableFileError
 from service.datasets.report import RejectedDatasetError, ValidationReport
@@ -136,3 +137,31 @@ def test_a_line_of_our_units_is_told(place, tmp_path):
     report = taken(tmp_path, ",".join((*RUN, "other")), 1, **{place: "s,m,[m],[-]"})
     assert not rejections(report)
     assert any(finding.code is Code.COMMENT and "units" in finding.message for finding in report.findings)
+
+
+@pytest.mark.parametrize("words", [("True", "False"), ("TRUE", "FALSE"), ("true", "false"), ("1", "0")])
+@pytest.mark.parametrize("quote", ["", '"'])
+def test_a_brake_may_be_true_or_false_and_nothing_else_may(words, quote, tmp_path):
+    on, off = (f"{quote}{word}{quote}" for word in words)
+    alone = _brake(tmp_path, ",".join((*RUN, "brake")), off, on)
+    labelled = _brake(tmp_path, ",".join((*RUN, "brake", "run", "mass_kg")), off, on, "a,430")
+    for columns in (alone, labelled):
+        assert columns["brake"].tolist() == [0.0] * 30 + [1.0] * 30
+    if words[0] != "1":
+        assert rejections(taken(tmp_path, ",".join((*RUN, "pitch_rad")), off)) == {("not-a-number", "pitch_rad")}
+
+
+def _brake(tmp_path: Path, header: str, off: str, on: str, *more: str):
+    """The columns of a run that stands still and is braked halfway."""
+    rows = [f"{0.02 * at:.2f},0,0.25,{','.join((on if at >= 30 else off, *more))}" for at in range(60)]
+    path, workspace = tmp_path / "upload", tmp_path / "work"
+    path.write_text("\n".join([header, *rows]) + "\n\x1a")  # DOS programs end a text so
+    workspace.mkdir(exist_ok=True)
+    return read_upload(path, filename="run.csv", workspace=workspace, form=UploadForm(**SCENARIO))[0].runs[0].columns
+
+
+@pytest.mark.parametrize("second", ["1732800000.250001", "-0.000001", "1000000", "0"])
+def test_a_start_is_shown_with_all_digits_and_taken_as_it_is_shown(second):
+    shown = NOTHING_SAID.at(float(second)).removeprefix("--start ")
+    assert float(shown) == float(second)
+    assert UploadForm(start=shown).said().start == Alignment.said(start=shown).start == float(second)

@@ -71,6 +71,11 @@ class Resolution:
     preset: str | None = None
     checked: Mapping[str | int, int] = field(default_factory=dict)
 
+    @property
+    def flags(self) -> list[int]:
+        """The columns that may say true and false: the brake, which is on or off."""
+        return [self.indices["brake"]] if "brake" in self.indices else []
+
 
 def resolve(
     names: Sequence[str] | None,

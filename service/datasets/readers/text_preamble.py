@@ -51,7 +51,7 @@ def preamble_of(text: bytes, file: str) -> Preamble:
         found.position, found.count = end, found.count + 1
     else:
         return found
-    if not is_header(_SEPARATORS.split(line)):
+    if not _is_words(line):
         return found
     _take_header(text, found, file)
     _take_units(text, found, file)
@@ -62,6 +62,10 @@ def is_header(cells: Sequence[str]) -> bool:
     """Fewer than half of the cells are numbers. (One bad cell in the first row does not make it a header.)"""
     cells = [cell for cell in cells if cell.strip("\"'")]
     return sum(is_number(cell) for cell in cells) * 2 < len(cells)
+
+
+def _is_words(line: str) -> bool:
+    return is_header(_SEPARATORS.split(line, maxsplit=MAX_COLUMNS))
 
 
 def _lines(text: bytes, position: int) -> Iterator[tuple[str, int]]:
@@ -82,7 +86,7 @@ def _take_header(text: bytes, found: Preamble, file: str) -> None:
         if _names_in(line) >= 2:
             chosen = (start, end, count + 1)
             break
-        if len(above) >= _MOST_ABOVE or (line.strip(NOTHING) and not is_header(_SEPARATORS.split(line))):
+        if len(above) >= _MOST_ABOVE or (line.strip(NOTHING) and not _is_words(line)):
             break
         if line.strip(NOTHING):
             above.append((count + 1, line))
