@@ -8,6 +8,7 @@ from pathlib import PurePosixPath
 
 _LONGEST_SHOWN = 160
 _LONGEST_RUN_NAME = 200
+_LONGEST_QUOTED = 80
 _OF_DESKTOPS = ("__MACOSX", ".DS_Store", "Thumbs.db", "desktop.ini")
 # what other systems read as something else: separators, drives, streams
 _FOREIGN = re.compile(r"\\|^[A-Za-z]:|^~")
@@ -24,6 +25,11 @@ def shown(name: str) -> str:
     """The name in printable characters, shortened: fit for a line of a terminal and for JSON."""
     text = printable(name)
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
+
+def quoted(text: str) -> str:
+    """A text of a file, as a header cell, in quotes and shortened: fit for a message."""
+    return repr(text if len(text) <= _LONGEST_QUOTED else f"{text[:_LONGEST_QUOTED]}...")
 
 
 def upload_name(filename: str) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
 
 from service.datasets.columns import meaning_of
-from service.datasets.file_names import run_name
+from service.datasets.file_names import quoted, run_name
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.given import Given
 from service.datasets.readers.decimal_comma import Commas, commas_in, told
@@ -18,6 +18,7 @@ from service.datasets.readers.numbers import AROUND, NO_VALUE, number
 from service.datasets.readers.text_header import header_above
 from service.datasets.readers.text_lines import split_text
 from service.datasets.run import MAX_RUNS
+from service.datasets.units import said_in_another_unit
 from service.errors import DatasetError
 
 FILE = "runs.csv"
@@ -112,22 +113,27 @@ def _with_points(rows: list[list[str]], indices: Sequence[int]) -> list[Finding]
 
 def _columns(names: Sequence[str], required: Sequence[str]) -> tuple[dict[str, int], list[Finding]]:
     """Which column is which, and what is not used. Raises DatasetError."""
+    wrong = said_in_another_unit(names, FILE, ("step_s",))
+    if wrong:
+        raise UnusableFileError(wrong)
     found: dict[str, int] = {}
     ignored: list[str] = []
     for index, name in enumerate(names):
         meaning = meaning_of(name)
         if meaning not in _KNOWN:
-            ignored += [repr(name)] if name else []
+            ignored += [quoted(name)] if name else []
         elif meaning in found:
             raise DatasetError(
-                f"{FILE} has several columns for {meaning}: {names[found[meaning]]!r} and {name!r}; keep one of them"
+                f"{FILE} has several columns for {meaning}: {quoted(names[found[meaning]])} and {quoted(name)}; keep "
+                "one of them"
             )
         else:
             found[meaning] = index
     missing = [name for name in required if name not in found]
     if missing:
+        there = ", ".join(quoted(each) for each in names[:16])
         raise DatasetError(
-            f"{FILE} has no column {', '.join(missing)}; its header is {list(names)}, "
+            f"{FILE} has no column {', '.join(missing)}; its header is {there}; "
             "expected file,set,slope_deg,mass_kg,torque_nm,horizon_s (slope_deg and torque_nm not where each row has "
             "them)"
         )

@@ -80,7 +80,7 @@ def _read(table: Table, column_map: ColumnMap | None, said: Alignment, noticed: 
     found = resolve(table.names, table.width, column_map, file=file, labels=every, front=said.is_of_front)
     noticed += found.findings
     named = {name: index for name, index in found.indices.items() if name not in TEXT_LABELS}
-    columns = dict(zip(named, table.numbers(list(named.values())), strict=True))
+    columns = dict(zip(named, table.numbers(list(named.values()), flags=found.flags), strict=True))
     numbers = {name: columns.pop(name) for name in NUMBER_LABELS if name in columns}
     texts = {name: table.texts(found.indices[name]) for name in TEXT_LABELS if name in found.indices}
     empty = [name for name, label in (numbers | texts).items() if label.is_absent]
