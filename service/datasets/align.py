@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from service.datasets.alignment import FIRST_ROW, Alignment, Frame, Reference
+from service.datasets.alignment import FIRST_ROW, Alignment, Frame, Reference, stamp
 from service.datasets.columns import BY_NAME
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.passport import Passport
@@ -162,7 +162,8 @@ def _from_start(
     start = 0.0 if start is None else float(start)
     after = np.flatnonzero(time >= start - SAME_TIME_S) if alignment.start is not None else np.arange(len(time))
     if not len(after):
-        message = f"no row at or after {start:g} s, which was said to be the start; the last one is at {time[-1]:g} s"
+        last = stamp(float(time[-1]))
+        message = f"no row at or after {stamp(start)} s, which was said to be the start; the last one is at {last} s"
         raise UnusableFileError([reject(entry.file, Code.START_TIME, message, column="time_s")])
     first = int(after[0])
     origin = _at(start, first, time, columns["rear_x_m"])
@@ -173,9 +174,9 @@ def _from_start(
         if name in kept:
             kept[name] = kept[name] - origin
     if first:
-        told.append(f"{first} rows before {start:g} s are left out")
+        told.append(f"{first} rows before {stamp(start)} s are left out")
     if abs(start) > SAME_TIME_S:
-        told.append(f"time is counted from {start:g} s")
+        told.append(f"time is counted from {stamp(start)} s")
     if abs(origin) > _SAME_PLACE_M:
         told.append(f"x is counted from {origin:g} m")
     entry, horizon = _horizon(entry, time, start)

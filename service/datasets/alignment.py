@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from enum import StrEnum
 from typing import Annotated, Any, Literal
@@ -12,7 +11,13 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from service.errors import InvalidValueError
 
 FIRST_ROW = "first-row"
-START_WORDS = f"{FIRST_ROW}, or a time in seconds"
+START_WORDS = f"{FIRST_ROW}, or a time in seconds (at most 1e10, as clocks count since 1970)"
+
+
+def stamp(time_s: float) -> str:
+    """A time stamp with all of its digits down to a microsecond, as `--start` takes it."""
+    text = f"{time_s:.6f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
 
 
 class Frame(StrEnum):
@@ -52,7 +57,7 @@ def _as_start(value: object) -> object:
         return value
 
 
-Start = Annotated[Literal["first-row"] | Annotated[float, Field(ge=-1e6, le=1e6)], BeforeValidator(_as_start)]
+Start = Annotated[Literal["first-row"] | Annotated[float, Field(ge=-1e10, le=1e10)], BeforeValidator(_as_start)]
 """The time stamp at which the motors were switched on, s, or that of the first row."""
 
 
@@ -89,7 +94,7 @@ class Alignment(BaseModel):
 
     def at(self, time_s: float) -> str:
         """How to say that the motors were switched on at this time stamp."""
-        return f"--start {0.0 if math.isclose(time_s, 0.0, abs_tol=5e-7) else time_s:.9g}"
+        return f"--start {stamp(time_s)}"
 
 
 ALLOWED = {

@@ -34,7 +34,7 @@ class Column:
 # Digits: 0.1 micrometre and 0.1 microradian are below Chrono's own repeatability and cost 0.7-1.0 byte a value.
 COLUMNS: tuple[Column, ...] = (
     Column("time_s", "s", "time since the motors were switched on", 0.0, 601.0, 6,
-           ("time", "t", "time_sec", "time_seconds", "sim_time", "sim_time_s")),
+           ("time", "t", "t_s", "time_sec", "time_seconds", "sim_time", "sim_time_s")),
     Column("rear_x_m", "m", "rear wheel centre along the slope, positive uphill", -99.0, 99.0, 7),
     Column("rear_y_m", "m", "rear wheel centre above the undeformed surface", -5.0, 5.0, 7),
     Column("front_x_m", "m", "front wheel centre along the slope, same origin", -99.0, 99.0, 7),
@@ -82,6 +82,35 @@ def meaning_of(header: str) -> str | None:
     return _MEANINGS.get(_plain(header))
 
 
+LONGEST_NAME = 200
+"""Characters of a header cell; a longer one names nothing."""
+
+_QUOTES = ('""', "''", "\u201c\u201d", "\u201e\u201c", "\u2018\u2019", "\u00ab\u00bb")
+_UNSEEN = re.compile("[\ufeff\u200b\u200e\u200f\u00ad\u2060]")
+# what may stand between words and around units; any other character may be part of a unit, so that nothing is guessed
+_BETWEEN = re.compile(r"[\s_\-/.,:()\[\]{}*^\u00b7\u22c5\u2010-\u2014\u2212]+")
+_WORDS = re.compile(r"[a-z0-9_]*")
+
+
+def unquoted(cell: str) -> str:
+    """A header cell without spaces and pairs of quotes around it, "" for one that is too long to be a name."""
+    text = cell.strip()
+    while len(text) > 1 and text[0] + text[-1] in _QUOTES and len(text) <= LONGEST_NAME:
+        text = text[1:-1].strip()
+    return text if len(text) <= LONGEST_NAME else ""
+
+
 def _plain(header: str) -> str:
-    text = header.strip().strip("\"'").lower().replace("rad/s", "radps").replace("m/s", "mps").replace("\u00b0", "deg")
-    return re.sub(r"[^a-z0-9]+", "_", text).strip("_")
+    """The words of a header cell, joined by _, or "" where a character of it may say something else."""
+    text = _UNSEEN.sub("", unquoted(header)).lower()
+    if text.startswith(("-", "\u2212")):
+        return ""
+    for written, word in (("rad/s", "radps"), ("m/s", "mps"), ("\u00b0", "deg"), ("\u00ba", "deg")):
+        text = text.replace(written, word)
+    plain = _BETWEEN.sub("_", text).strip("_")
+    return plain if _WORDS.fullmatch(plain) else ""
+
+
+def is_plain(text: str) -> bool:
+    """Whether a part of a header has only letters from a to z, digits, and what may stand between words."""
+    return bool(_plain(text))

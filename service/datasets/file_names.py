@@ -7,6 +7,8 @@ import unicodedata
 from pathlib import PurePosixPath
 
 _LONGEST_SHOWN = 160
+_LONGEST_RUN_NAME = 200
+_LONGEST_QUOTED = 80
 _OF_DESKTOPS = ("__MACOSX", ".DS_Store", "Thumbs.db", "desktop.ini")
 # what other systems read as something else: separators, drives, streams
 _FOREIGN = re.compile(r"\\|^[A-Za-z]:|^~")
@@ -23,6 +25,11 @@ def shown(name: str) -> str:
     """The name in printable characters, shortened: fit for a line of a terminal and for JSON."""
     text = printable(name)
     return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}..."
+
+
+def quoted(text: str) -> str:
+    """A text of a file, as a header cell, in quotes and shortened: fit for a message."""
+    return repr(text if len(text) <= _LONGEST_QUOTED else f"{text[:_LONGEST_QUOTED]}...")
 
 
 def upload_name(filename: str) -> str:
@@ -46,6 +53,24 @@ def name_fault(name: str, *, path_length: int, depth: int) -> str | None:
     if len(path.parts) > depth:
         return f"is {len(path.parts)} folders deep, allowed are {depth}"
     return None
+
+
+def run_name(text: str) -> tuple[str, str | None]:
+    """What a run is called that its file calls `text`, and why it cannot be called so, or None when it can.
+
+    Names become files when a dataset is exported. So they are relative, with / between folders, in composed letters
+    (NFC), without control characters, without spaces and dots at the end, and not longer than 200 characters.
+    """
+    path = PurePosixPath(unicodedata.normalize("NFC", text.strip()).replace("\\", "/"))
+    parts = ["".join(each if each.isprintable() else "_" for each in part).strip().rstrip(". ") for part in path.parts]
+    name = "/".join(parts)[:_LONGEST_RUN_NAME].rstrip("/. ")
+    if path.is_absolute() or re.match("[A-Za-z]:", name):
+        return name, "is absolute or has a drive letter; write a relative name"
+    if ".." in path.parts:
+        return name, "leads out of its folder"
+    if not name or not all(parts):
+        return name, "is empty, or a part of it is only dots"
+    return name, None
 
 
 def is_of_desktop(name: str) -> bool:

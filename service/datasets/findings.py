@@ -13,6 +13,10 @@ MAX_LOCATED = 20
 """Findings of one kind that are listed for one file; a broken file has thousands and the first few tell why."""
 
 
+_LONGEST = 1900
+"""Characters of a message."""
+
+
 class Severity(StrEnum):
     """Whether a finding keeps its run out of the dataset."""
 
@@ -128,7 +132,9 @@ def warn(file: str, code: Code, message: str, *, row: int | None = None, column:
 
 def _finding(file: str, code: Code, severity: Severity, message: str, row: int | None, column: str | None) -> Finding:
     # messages quote files and the libraries that read them
-    return Finding(file, code, severity, printable(message), row, None if column is None else shown(column))
+    message = printable(message[:_LONGEST])
+    message = message if len(message) < _LONGEST else f"{message[: _LONGEST - 3]}..."
+    return Finding(file, code, severity, message, row, None if column is None else shown(column))
 
 
 class UnusableFileError(DatasetError):

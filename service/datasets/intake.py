@@ -146,7 +146,7 @@ def run_in(table: Table, passport: Passport, column_map: ColumnMap | None, said:
     try:
         found = resolve(names, table.width, column_map, file=table.file, front=said.is_of_front)
         noticed = found.findings
-        columns = dict(zip(found.indices, table.numbers(list(found.indices.values())), strict=True))
+        columns = dict(zip(found.indices, table.numbers(list(found.indices.values()), flags=found.flags), strict=True))
         samples = samples_of(columns, table.lines, file=table.file, zero_start=found.zero_start)
     except UnusableFileError as error:
         told = suggestion(table) if names is None and column_map is None else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 from typing import Any, NoReturn
 
@@ -110,7 +111,7 @@ def parse_passport(data: bytes, *, file: str = PASSPORT_FILE) -> Passport:
     if len(data) > MAX_BYTES:
         raise DatasetError(f"{file} has {len(data)} bytes, allowed are at most {MAX_BYTES}")
     try:
-        content: Any = json.loads(data.decode("utf-8-sig"), parse_constant=_refuse_constant)
+        content: Any = json.loads(passport_text(data), parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
         raise DatasetError(f"{file} is not JSON: {error}") from error
     try:
@@ -121,6 +122,16 @@ def parse_passport(data: bytes, *, file: str = PASSPORT_FILE) -> Passport:
     except (ValueError, RecursionError) as error:
         raise DatasetError(f"{file} cannot be kept as JSON: {error}") from error
     return passport
+
+
+def passport_text(data: bytes) -> str:
+    """UTF-8, or UTF-16 with its byte-order mark as PowerShell writes it. Raises ValueError for anything else."""
+    try:
+        return data.decode("utf-16" if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(
+            f"it is not text in UTF-8, nor in UTF-16 with a byte-order mark; save it as UTF-8 ({error.reason})"
+        ) from error
 
 
 def _refuse_constant(text: str) -> NoReturn:

@@ -6,10 +6,11 @@ import math
 import re
 import unicodedata
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
 
 from service.datasets.columns import meaning_of
+from service.datasets.file_names import quoted, run_name
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.given import Given
 from service.datasets.readers.decimal_comma import Commas, commas_in, told
@@ -17,6 +18,7 @@ from service.datasets.readers.numbers import AROUND, NO_VALUE, number
 from service.datasets.readers.text_header import header_above
 from service.datasets.readers.text_lines import split_text
 from service.datasets.run import MAX_RUNS
+from service.datasets.units import said_in_another_unit
 from service.errors import DatasetError
 
 FILE = "runs.csv"
@@ -29,13 +31,17 @@ SCENARIO_LIMITS: dict[str, tuple[float, float, str, float]] = {
     "torque_nm": (0.0, 10_000.0, "newton millimetres", 1000.0),
     "horizon_s": (1e-3, 600.0, "milliseconds", 1000.0),
 }
+_TEXTS = ("file", "run", "set")
 _REQUIRED = ("file", "mass_kg")
-_KNOWN = ("file", "set", *SCENARIO_LIMITS, "step_s")
+_KNOWN = ("file", "run", "set", *SCENARIO_LIMITS, "step_s")
 
 
 @dataclass(frozen=True, slots=True)
 class RunEntry:
-    """One line of runs.csv. What the table does not have is None; slope and torque may stand in the run's own rows."""
+    """One line of runs.csv. What the table does not have is None; slope and torque may stand in the run's own rows.
+
+    `name` is "" where the run is called after its file.
+    """
 
     file: str
     set_name: str
@@ -45,6 +51,7 @@ class RunEntry:
     horizon_s: float | None
     step_s: float | None
     line: int
+    name: str = ""
 
 
 def parse_run_table(data: bytes, given: Given | None = None) -> tuple[list[RunEntry], list[Finding]]:
@@ -70,7 +77,7 @@ def parse_run_table(data: bytes, given: Given | None = None) -> tuple[list[RunEn
     findings += ignored
     entries: list[RunEntry] = []
     rows = [[cell.strip() for cell in cells] for cells in text.rows()]
-    findings += _with_points(rows, [index for name, index in columns.items() if name not in ("file", "set")])
+    findings += _with_points(rows, [index for name, index in columns.items() if name not in _TEXTS])
     for line, cells in zip(text.lines.tolist(), rows, strict=True):
         if len(cells) < len(names) or any(cells[len(names) :]):
             message = f"{len(cells)} values, the header names {len(names)} columns"
@@ -80,7 +87,17 @@ def parse_run_table(data: bytes, given: Given | None = None) -> tuple[list[RunEn
         findings += problems
         if entry is not None:
             entries.append(entry)
-    return entries, findings
+    return _named(entries, findings)
+
+
+def _named(entries: list[RunEntry], findings: list[Finding]) -> tuple[list[RunEntry], list[Finding]]:
+    """Runs are called as the column `run` says, where it calls every run by a name of its own; else after files."""
+    names = [entry.name for entry in entries]
+    if not any(names) or (len(set(names)) == len(names) and all(run_name(name) == (name, None) for name in names)):
+        return entries, findings
+    message = "not used: it does not give every run a plain name of its own; runs are called after their files"
+    told = warn(FILE, Code.IGNORED_COLUMN, message, column="run")
+    return [replace(entry, name="") for entry in entries], [*findings, told]
 
 
 def _with_points(rows: list[list[str]], indices: Sequence[int]) -> list[Finding]:
@@ -96,22 +113,27 @@ def _with_points(rows: list[list[str]], indices: Sequence[int]) -> list[Finding]
 
 def _columns(names: Sequence[str], required: Sequence[str]) -> tuple[dict[str, int], list[Finding]]:
     """Which column is which, and what is not used. Raises DatasetError."""
+    wrong = said_in_another_unit(names, FILE, ("step_s",))
+    if wrong:
+        raise UnusableFileError(wrong)
     found: dict[str, int] = {}
     ignored: list[str] = []
     for index, name in enumerate(names):
         meaning = meaning_of(name)
         if meaning not in _KNOWN:
-            ignored += [repr(name)] if name else []
+            ignored += [quoted(name)] if name else []
         elif meaning in found:
             raise DatasetError(
-                f"{FILE} has several columns for {meaning}: {names[found[meaning]]!r} and {name!r}; keep one of them"
+                f"{FILE} has several columns for {meaning}: {quoted(names[found[meaning]])} and {quoted(name)}; keep "
+                "one of them"
             )
         else:
             found[meaning] = index
     missing = [name for name in required if name not in found]
     if missing:
+        there = ", ".join(quoted(each) for each in names[:16])
         raise DatasetError(
-            f"{FILE} has no column {', '.join(missing)}; its header is {list(names)}, "
+            f"{FILE} has no column {', '.join(missing)}; its header is {there}; "
             "expected file,set,slope_deg,mass_kg,torque_nm,horizon_s (slope_deg and torque_nm not where each row has "
             "them)"
         )
@@ -138,7 +160,8 @@ def _entry(cells: dict[str, str], line: int, given: Given) -> tuple[RunEntry | N
         message = f"{cells['file']!r} is read as {file!r}: \\ is what separates folders elsewhere"
         findings.append(warn(FILE, Code.RENAMED, message, row=line, column="file"))
     set_name = cells.get("set") or given.name_of_set()
-    return RunEntry(file, set_name, slope, mass, torque, numbers["horizon_s"], numbers["step_s"], line), findings
+    horizon, step = numbers["horizon_s"], numbers["step_s"]
+    return RunEntry(file, set_name, slope, mass, torque, horizon, step, line, cells.get("run", "")), findings
 
 
 def as_listed(file: str) -> str:

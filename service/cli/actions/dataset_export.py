@@ -9,7 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import pyarrow as pa
 from pyarrow import csv as arrow_csv
@@ -18,7 +18,10 @@ from model_store import ModelStore
 from service.cli.failures import UsageError
 from service.cli.views.file_progress import Report
 from service.datasets import Dataset, Run, dataset_id, read_folder, read_parquet
+from service.datasets.file_names import folded, name_fault, run_name, shown
 from service.datasets.passport import PASSPORT_FILE
+from service.datasets.readers.folder import names_of_files
+from service.datasets.run_table import as_listed
 from service.errors import DatasetError
 from service.training.stored_dataset import RUNS_FILE
 
@@ -44,11 +47,12 @@ def export_folder(store: ModelStore, identity: str, folder: Path, progress: Repo
     if folder.exists():
         raise UsageError(f"{folder} exists already; name a folder that does not")
     dataset = read_parquet(store.read_dataset_file(identity, RUNS_FILE))
+    files = _files_of(dataset)
     folder.parent.mkdir(parents=True, exist_ok=True)
     beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:
         (beside / PASSPORT_FILE).write_bytes(store.read_dataset_file(identity, PASSPORT_FILE))
-        _write_runs(dataset, beside, progress)
+        _write_runs(dataset, files, beside, progress)
         column_map = _OUR_COLUMNS if dataset.passport.column_map is not None else None
         back, _ = read_folder(beside, column_map=column_map, strict=True)
         if dataset_id(back) != identity:
@@ -62,15 +66,38 @@ def export_folder(store: ModelStore, identity: str, folder: Path, progress: Repo
     return Exported(len(dataset.runs), column_map)
 
 
-def _write_runs(dataset: Dataset, folder: Path, progress: Report) -> None:
+def _write_runs(dataset: Dataset, files: Sequence[str], folder: Path, progress: Report) -> None:
     (folder / "runs").mkdir()
-    files = [_file_of(run) for run in dataset.runs]
     (folder / "runs.csv").write_text(_run_table(dataset.runs, files), encoding="utf-8")
     for done, (run, file) in enumerate(zip(dataset.runs, files, strict=True)):
         progress(done, len(files), file)
         path = folder / file
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(gzip.compress(_text(run), _COMPRESSION, mtime=0))
+
+
+def _files_of(dataset: Dataset) -> list[str]:
+    """A file within the folder for each run: called as the run, where the import then finds that name, else counted.
+
+    Raises DatasetError for a name that no import takes.
+    """
+    names = [run.name for run in dataset.runs]
+    files = [_file_of(run) for run in dataset.runs]
+    alike = len(set(map(folded, files))) < len(files)
+    if not alike and all(map(_is_plain, files)) and list(names_of_files(files).values()) == names:
+        return files
+    for name in names:
+        kept, unsafe = run_name(name)
+        if unsafe is not None or kept != name:
+            why = unsafe or f"would be read back as {shown(kept)!r}"
+            raise DatasetError(f"the name of run {shown(name)!r} {why}; nothing is exported")
+    return [f"runs/{count:05d}.csv.gz" for count in range(1, len(names) + 1)]
+
+
+def _is_plain(file: str) -> bool:
+    """Whether the file lies where its name says, on every system, and is listed by this very name."""
+    plain = as_listed(PurePosixPath(file.strip()).as_posix()) == file and file.isprintable()
+    return plain and name_fault(file, path_length=512, depth=16) is None
 
 
 def _file_of(run: Run) -> str:
@@ -82,8 +109,11 @@ def _file_of(run: Run) -> str:
 def _run_table(runs: Sequence[Run], files: Sequence[str]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["file", "set", "slope_deg", "mass_kg", "torque_nm", "horizon_s"])
-    writer.writerows([file, run.set_name, *map(repr, run.scenario)] for run, file in zip(runs, files, strict=True))
+    # the import calls a run after its file, unless there is a column run
+    named = files != [_file_of(run) for run in runs]
+    writer.writerow(["file", *(["run"] if named else []), "set", "slope_deg", "mass_kg", "torque_nm", "horizon_s"])
+    for run, file in zip(runs, files, strict=True):
+        writer.writerow([file, *([run.name] if named else []), run.set_name, *map(repr, run.scenario)])
     return text.getvalue()
 
 

@@ -13,7 +13,7 @@ from service.cli.actions.dataset_findings import tell_findings
 from service.cli.failures import RefusedError, UsageError
 from service.cli.views.file_progress import Report
 from service.datasets import RejectedDatasetError
-from service.datasets.passport import MAX_BYTES
+from service.datasets.passport import MAX_BYTES, passport_text
 from service.datasets.uploads.upload_form import UploadForm
 from service.training.dataset_import import import_upload
 from service.training.stored_dataset import UploadResult
@@ -60,7 +60,7 @@ def _passport(path: Path) -> dict[str, Any]:
     if path.stat().st_size > MAX_BYTES:
         raise UsageError(f"--passport {path} has {path.stat().st_size} bytes, allowed are at most {MAX_BYTES}")
     try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
+        content = json.loads(passport_text(path.read_bytes()))
     except ValueError as error:
         raise UsageError(f"--passport {path} is not JSON: {error}") from error
     if not isinstance(content, dict):

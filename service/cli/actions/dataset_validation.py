@@ -22,6 +22,8 @@ def validate(path: Path, fields: Mapping[str, Any], sets: Collection[str] | None
     """
     if not path.exists():
         raise UsageError(f"{path} does not exist; name a folder, or a file as it would be uploaded")
+    if not path.is_dir() and not path.is_file():
+        raise UsageError(f"{path} is no plain file (a pipe or a device); write it to a file first")
     form = form_of(fields)
     try:
         if path.is_dir():

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from service.datasets.alignment import FIRST_ROW, Frame, Reference
+from service.datasets.alignment import FIRST_ROW, Frame, Reference, stamp
 from service.datasets.checks.candidate import Array, Candidate
 from service.datasets.findings import Code, Finding
 
@@ -201,10 +201,10 @@ def start(run: Candidate) -> Iterator[Finding]:
     settled = settled_until(run)
     if settled is not None:
         until, how = settled
-        stamp = until + run.shift_s
+        since = until + run.shift_s
         message = (
-            f"{how} until {stamp:g} s of the file's time, and then does: if the motors were switched on "
-            f"then, pass {run.said.at(stamp)} (else the time at which they were)"
+            f"{how} until {stamp(since)} s of the file's time, and then does: if the motors were switched on "
+            f"then, pass {run.said.at(since)} (else the time at which they were)"
         )
         explicit = run.said.start is not None and run.said.start != FIRST_ROW
         yield _say(run, explicit)(Code.SETTLING, message, at=int(np.searchsorted(run.time_s, until)), column="time_s")

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from service.datasets.alignment import stamp
 from service.datasets.checks.candidate import Candidate
 from service.datasets.checks.recording import moves_at_start, settled_until
 from service.datasets.columns import BY_NAME
@@ -54,10 +55,10 @@ def start(run: Candidate) -> Iterator[Finding]:
     """Time starts at zero, or one step later: Chrono programs may write after the first step."""
     first, step = float(run.time_s[0]), float(np.median(np.diff(run.time_s)))
     if first > 1.5 * step:
-        shown = "0" if not run.shift_s else f"{run.shift_s:g} s, as was said,"
+        shown = "0" if not run.shift_s else f"{stamp(run.shift_s)} s, as was said,"
         message = (
-            f"starts at {first + run.shift_s:g} s, expected {shown} (the moment when wheels are released and motors "
-            f"switched on); {_start_remedy(run)}"
+            f"starts at {stamp(first + run.shift_s)} s, expected {shown} (the moment when wheels are released and "
+            f"motors switched on); {_start_remedy(run)}"
         )
         yield run.reject(Code.START_TIME, message, at=0, column="time_s")
 
@@ -78,10 +79,10 @@ def horizon(run: Candidate) -> Iterator[Finding]:
         return
     tolerance = max(2.0 * float(np.median(np.diff(run.time_s))), 1e-3 * declared)
     if end < declared - tolerance:
-        message = f"ends at {end:g} s, runs.csv says horizon_s {declared:g}: the simulation stopped early?"
+        message = f"ends at {end:g} s, its horizon_s is {declared:g}: the simulation stopped early?"
         yield run.reject(Code.HORIZON, message, at=len(run.time_s) - 1, column="time_s")
     elif end > declared + tolerance:
-        message = f"goes on to {end:g} s, runs.csv says horizon_s {declared:g}"
+        message = f"goes on to {end:g} s, its horizon_s is {declared:g}"
         yield run.warn(Code.HORIZON, message, at=len(run.time_s) - 1, column="time_s")
 
 

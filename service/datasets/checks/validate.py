@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from service.datasets.alignment import Frame, Reference
-from service.datasets.checks import motion, recording, times, values
+from service.datasets.checks import motion, recording, times, values, wheels
 from service.datasets.checks.candidate import Candidate
 from service.datasets.digest import content_digest, stored_integers
+from service.datasets.file_names import shown
 from service.datasets.findings import Code, Finding, reject, warn
 from service.datasets.passport import PASSPORT_FILE, Passport
 from service.datasets.run import Run
@@ -26,7 +28,7 @@ _STAGES: tuple[tuple[Check, ...], ...] = (
     (values.units, recording.reference),
     (values.ranges, values.brake, values.agreement, times.increasing),
     (times.start, times.horizon, times.step, times.varying, times.gaps, recording.start),
-    (motion.origin, motion.jumps, motion.speed, motion.wheel_band),
+    (motion.origin, motion.jumps, motion.speed, motion.wheel_band, wheels.spin, wheels.pitch),
 )
 
 
@@ -43,7 +45,7 @@ def check_run(candidate: Candidate) -> list[Finding]:
 
 
 def check_passport(passport: Passport) -> Iterator[Finding]:
-    """The frame is the slope frame and the point the rear wheel, as far as their descriptions tell."""
+    """The frame is the slope frame, the point the rear wheel, as far as words tell, and no field is misspelt."""
     frame, body = passport.frame.lower(), passport.reference_body.lower()
     if "slope" not in frame:
         message = (
@@ -58,6 +60,12 @@ def check_passport(passport: Passport) -> Iterator[Finding]:
             f"rear_y_m hold another point's positions, say so: --reference {wanted}"
         )
         yield warn(PASSPORT_FILE, Code.REFERENCE, message, column="reference_body")
+    absent = sorted(set(Passport.model_fields) - passport.model_fields_set)
+    for name in passport.model_extra or {}:
+        meant = difflib.get_close_matches(name.lower(), absent, n=1, cutoff=0.8)
+        if meant:
+            message = f"{shown(name)!r} is kept but not read: is {meant[0]!r} meant?"
+            yield warn(PASSPORT_FILE, Code.PASSPORT, message, column=name)
 
 
 def check_entries(entries: Sequence[RunEntry]) -> Iterator[Finding]:

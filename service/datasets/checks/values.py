@@ -47,7 +47,7 @@ def units(run: Candidate) -> Iterator[Finding]:
     """
     horizon, end = run.entry.horizon_s, float(run.time_s[-1])
     if horizon and 0.9 < end / horizon / 1000.0 < 1.1:
-        message = f"ends at {end:g} where runs.csv says {horizon:g} s: looks like milliseconds, expected seconds"
+        message = f"ends at {end:g} where its horizon_s is {horizon:g}: looks like milliseconds, expected seconds"
         yield run.reject(Code.UNITS, message, at=len(run.time_s) - 1, column="time_s")
     radius = run.passport.rover.wheel_radius_m
     for unit, factor in _LENGTH_UNITS.items():

@@ -6,10 +6,11 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from service.datasets.columns import BY_NAME, MAX_COLUMNS, REQUIRED, meaning_of
+from service.datasets.file_names import quoted
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.readers.presets import DEMOS, Demo
 from service.datasets.readers.recognise import places, preset_of, told_by_header
-from service.datasets.units import mapped_in_another_unit, missing_in_another_unit
+from service.datasets.units import mapped_in_another_unit, said_in_another_unit
 from service.errors import InvalidValueError
 
 
@@ -70,6 +71,11 @@ class Resolution:
     preset: str | None = None
     checked: Mapping[str | int, int] = field(default_factory=dict)
 
+    @property
+    def flags(self) -> list[int]:
+        """The columns that may say true and false: the brake, which is on or off."""
+        return [self.indices["brake"]] if "brake" in self.indices else []
+
 
 def resolve(
     names: Sequence[str] | None,
@@ -108,8 +114,8 @@ def resolve(
     if front and not {"rear_x_m", "rear_y_m"} & set(indices) and {"front_x_m", "front_y_m"} <= set(indices):
         indices = {name.replace("front_", "rear_") if name in _OF_FRONT else name: at for name, at in indices.items()}
     missing = [name for name in REQUIRED if name not in indices]
-    if missing:
-        there = list(missing_in_another_unit(missing, names, file))
+    there = [each for each in said_in_another_unit(names, file, missing) if each.column not in indices]
+    if missing or there:
         absent = [name for name in missing if name not in {finding.column for finding in there}]
         faults = [*there, *(_missing(name, names, count, file) for name in absent)]
         raise UnusableFileError([*faults, *_only_front(indices, missing, file)])
@@ -119,7 +125,7 @@ def resolve(
         findings.append(warn(file, Code.PRESET, f"{how}: {_told(demo, mapped, names)}"))
     ignored = [i for i in range(count) if i not in set(indices.values())]
     if ignored:
-        listed = ", ".join(repr(names[i]) if names and names[i] else f"#{i}" for i in ignored[:12])
+        listed = ", ".join(quoted(names[i]) if names and names[i] else f"#{i}" for i in ignored[:12])
         message = f"not used: {listed}{', ...' if len(ignored) > 12 else ''}"
         findings.append(warn(file, Code.IGNORED_COLUMN, message))
     checked = {name: at[name] for name in demo.checked if name in at} if demo else {}
@@ -129,7 +135,7 @@ def resolve(
 
 def _told(demo: Demo, mapped: Mapping[str, int], names: Sequence[str] | None) -> str:
     """What a preset made of a file, in one sentence."""
-    columns = [f"{name} is {repr(names[index]) if names else f'#{index}'}" for name, index in mapped.items()]
+    columns = [f"{name} is {quoted(names[index]) if names else f'#{index}'}" for name, index in mapped.items()]
     clauses = [
         f"written by {demo.program}",
         ", ".join(columns),
@@ -152,7 +158,7 @@ def _by_name(names: Sequence[str] | None, labels: Collection[str] = ()) -> dict[
 
 
 def _clash(name: str, headers: Sequence[str], file: str) -> Finding:
-    listed = " and ".join(repr(header) for header in headers)
+    listed = " and ".join(quoted(header) for header in headers[:12])
     what = "there are several columns" if len(set(headers)) == 1 else "several columns mean the same:"
     message = f"{what} {listed}; keep one of them, or rename what is something else"
     return reject(file, Code.DUPLICATE_COLUMN, message, column=name)
@@ -188,11 +194,11 @@ def _only_front(indices: Collection[str], missing: Collection[str], file: str) -
 
 
 def _missing(name: str, names: Sequence[str] | None, count: int, file: str, wanted: str | None = None) -> Finding:
-    what = f"no column {wanted!r} for {name}" if wanted else f"no column for {name}"
+    what = f"no column {quoted(wanted)} for {name}" if wanted else f"no column for {name}"
     if names is None:
         has = f"there is no header over its {count} columns"
         remedy = f'give a column map with 0-based indices, for example {{"{name}": 1}}'
     else:
-        has = f"the header has {', '.join(repr(each) for each in names[:16])}"
+        has = f"the header has {', '.join(quoted(each) for each in names[:16])}"
         remedy = told_by_header(names) or f"give a column map, or a preset among {', '.join(PRESETS)}"
     return reject(file, Code.MISSING_COLUMN, f"{what}: {has}; {remedy}", column=name)

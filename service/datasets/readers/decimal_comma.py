@@ -15,6 +15,7 @@ from service.datasets.findings import Code, Finding, warn
 _NO_THOUSANDS = (
     r"^[+-]?(?:0*,[0-9]+|[0-9]+,(?:[0-9]{1,2}|[0-9]{4,})|[0-9]{4,},[0-9]+|[0-9]+,[0-9]+[eEdDqQ][+-]?[0-9]+)$"
 )
+_LONGEST = 400
 _WITH_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eEdDqQ]?[+-]?[0-9]+)?")
 
 
@@ -44,4 +45,4 @@ def told(file: str, example: str) -> Finding:
 
 def is_with_comma(cell: str) -> bool:
     """Whether a cell looks like a number with one comma in it."""
-    return _WITH_COMMA.fullmatch(cell.strip()) is not None
+    return len(cell) <= _LONGEST and _WITH_COMMA.fullmatch(cell.strip()) is not None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path, PurePosixPath
 
@@ -17,15 +17,18 @@ from service.datasets.intake import Intake, Progress, run_in
 from service.datasets.passport import MAX_BYTES as PASSPORT_MAX_BYTES
 from service.datasets.passport import PASSPORT_FILE, Passport, parse_passport
 from service.datasets.readers.column_map import ColumnMap
+from service.datasets.readers.foreign_parquet import ParquetTable, declares_our_format
+from service.datasets.readers.sniff import HEAD_BYTES, Kind, kind_of
 from service.datasets.readers.source import DEFAULT_MAX_BYTES, read_bounded
-from service.datasets.readers.table import Samples
+from service.datasets.readers.table import Samples, Table
 from service.datasets.readers.text_preamble import COMMENTS
-from service.datasets.readers.text_table import TextTable, parse_text
+from service.datasets.readers.text_table import parse_text
 from service.datasets.report import ValidationReport
-from service.datasets.run import Dataset
+from service.datasets.run import MAX_ROWS_PER_RUN, Dataset
 from service.datasets.run_table import FILE as RUN_TABLE
 from service.datasets.run_table import MAX_BYTES as TABLE_MAX_BYTES
-from service.datasets.run_table import RunEntry, as_listed, parse_run_table
+from service.datasets.run_table import RunEntry, as_listed, parse_run_table, unsafe_path
+from service.datasets.uploads.upload_form import UploadLimits
 from service.errors import DatasetError, InvalidValueError
 
 _NO_RUNS = {
@@ -140,7 +143,8 @@ def take_listed(
     unlisted = unlisted_in(root, [entry.file for entry in table[0]])
     found = [*table[1], *commented, *check_entries(entries), *unlisted]
     intake.findings += found
-    names = _names(every)
+    by_file = names_of_files([entry.file for entry in every])
+    names = {entry.file: entry.name or by_file[entry.file] for entry in every}
     chosen = _unbarred(entries, found)
     for done, entry in enumerate(chosen):
         if progress is not None:
@@ -162,16 +166,21 @@ class _FileReader:
 
     def has(self, file: str) -> bool:
         """Whether there is such a file."""
-        return file in self._composed or (self._root / file).is_file()
+        return file in self._composed or _is_file(self._root / file)
 
     def run(self, file: str, passport: Passport, column_map: ColumnMap | None, said: Alignment) -> Samples:
         """The one run of a file. Raises UnusableFileError."""
         return run_in(self._read(file), passport, column_map, said)
 
-    def _read(self, file: str) -> TextTable:
+    def _read(self, file: str) -> Table:
         left = self._bytes_left
         most = self._max_file_bytes if left is None else max(0, min(self._max_file_bytes, left))
-        path = _inside(self._root, file if (self._root / file).exists() else self._composed.get(file, file))
+        path = _inside(self._root, file if _is_file(self._root / file) else self._composed.get(file, file))
+        if _is_parquet(path):
+            size = path.stat().st_size
+            if left is not None:
+                self._bytes_left = max(0, left - size)
+            return _parquet(path, file, most)
         if left is not None:
             # all of it is spent until the file turns out smaller: a bomb uses what it may, and is refused then
             self._bytes_left = left - most
@@ -180,6 +189,24 @@ class _FileReader:
         if left is not None:
             self._bytes_left = left - len(data)
         return parse_text(data, file=file)
+
+
+def _is_parquet(path: Path) -> bool:
+    with path.open("rb") as stream:
+        return kind_of(stream.read(HEAD_BYTES)) is Kind.PARQUET
+
+
+def _parquet(path: Path, file: str, max_bytes: int) -> Table:
+    """A Parquet file that holds one run. Raises UnusableFileError."""
+    size = path.stat().st_size
+    if size > max_bytes:
+        message = f"has {size} bytes, allowed are at most {max_bytes}"
+        raise UnusableFileError([reject(file, Code.TOO_LARGE, message)])
+    limits = UploadLimits(rows=MAX_ROWS_PER_RUN, total_bytes=max_bytes)
+    if declares_our_format(path, file=file, limits=limits):
+        message = "is a whole dataset in one Parquet file; upload it alone"
+        raise UnusableFileError([reject(file, Code.UNSUPPORTED_FORMAT, message)])
+    return ParquetTable(path, file)
 
 
 def _read_small(path: Path, max_bytes: int, *, needed: bool = True) -> bytes | None:
@@ -209,30 +236,41 @@ def _unbarred(entries: list[RunEntry], findings: list[Finding]) -> list[RunEntry
     return [] if wrong_as_a_whole else [entry for entry in entries if entry.line not in rows]
 
 
-def _names(entries: list[RunEntry]) -> dict[str, str]:
+def names_of_files(listed: Iterable[str]) -> dict[str, str]:
     """Run names: files without their endings, and without the folder that all of them share."""
-    files = list(dict.fromkeys(entry.file for entry in entries))
+    files = list(dict.fromkeys(listed))
     parents = [str(PurePosixPath(file).parent) for file in files]
     shared = os.path.commonpath(parents) if parents else "."
     short = {file: str(PurePosixPath(file).relative_to(shared)) for file in files}
     stems = {file: _without_endings(text) for file, text in short.items()}
-    unique = len(set(stems.values())) == len(stems)
-    return stems if unique else short
+    usable = len(set(stems.values())) == len(stems) and not any(map(unsafe_path, stems.values()))
+    return stems if usable else short
 
 
 def _without_endings(text: str) -> str:
-    for ending in (".gz", ".csv", ".txt", ".dat"):
+    for ending in (".gz", ".csv", ".txt", ".dat", ".parquet"):
         text = text.removesuffix(ending)
     return text
 
 
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long, for one
+        return False
+
+
 def _inside(root: Path, file: str) -> Path:
     """The file, once links are followed, is a regular file inside the folder. Raises UnusableFileError."""
-    path = (root / file).resolve()
+    try:
+        path = (root / file).resolve()
+    except (RuntimeError, OSError) as error:
+        message = f"is a link that cannot be followed ({error}); put the file itself inside"
+        raise UnusableFileError([reject(file, Code.LINK, message)]) from error
     if not path.is_relative_to(root.resolve()):
         message = "leads out of the dataset's folder; put the file itself inside"
         raise UnusableFileError([reject(file, Code.UNSAFE_PATH, message)])
-    if not path.is_file():
+    if not _is_file(path):
         raise UnusableFileError([reject(file, Code.MISSING_FILE, f"listed in {RUN_TABLE} but not in the folder")])
     return path
 

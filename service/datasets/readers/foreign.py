@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from service.datasets.findings import Code, Finding, reject
@@ -84,8 +85,12 @@ def format_of(head: bytes) -> Format | None:
 
 
 def is_tar(head: bytes) -> bool:
-    """Whether it is a tar, which says so at byte 257."""
-    return head.startswith(b"ustar", 257)
+    """Whether it is a tar: it says so at byte 257 or, as old ones and labels of volumes, has a sum of its header."""
+    if head.startswith(b"ustar", 257):
+        return True
+    header = head[:512]
+    said = re.fullmatch(rb" *([0-7]{1,7})[ \0]*", header[148:156])
+    return said is not None and len(header) == 512 and int(said[1], 8) == sum(header) - sum(header[148:156]) + 8 * 32
 
 
 def unsupported(head: bytes, file: str) -> Finding | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -71,8 +71,11 @@ class ParquetTable:
         if not len(self.lines):
             raise UnusableFileError([reject(file, Code.EMPTY_FILE, "no rows in it")])
 
-    def numbers(self, indices: Sequence[int]) -> list[Numbers]:
-        """These columns. Raises UnusableFileError for columns of something else."""
+    def numbers(self, indices: Sequence[int], *, flags: Collection[int] = ()) -> list[Numbers]:  # noqa: ARG002
+        """These columns; true and false are 1 and 0 in all of them.
+
+        Raises UnusableFileError for columns of something else.
+        """
         faults = [fault for index in indices for fault in self._type_faults(index, is_text=False)]
         if faults:
             raise UnusableFileError(faults)

@@ -8,6 +8,7 @@ of its rows. Without a column `run`, `runs_in_table` tells the runs apart.
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -21,7 +22,7 @@ from service.datasets.checks.labels import check_labels
 from service.datasets.checks.times import MIN_ROWS
 from service.datasets.checks.validate import check_entries
 from service.datasets.columns import meaning_of
-from service.datasets.file_names import shown
+from service.datasets.file_names import run_name, shown
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, told_too, warn
 from service.datasets.intake import Intake
 from service.datasets.readers.column_map import ColumnMap, resolve
@@ -79,7 +80,7 @@ def _read(table: Table, column_map: ColumnMap | None, said: Alignment, noticed: 
     found = resolve(table.names, table.width, column_map, file=file, labels=every, front=said.is_of_front)
     noticed += found.findings
     named = {name: index for name, index in found.indices.items() if name not in TEXT_LABELS}
-    columns = dict(zip(named, table.numbers(list(named.values())), strict=True))
+    columns = dict(zip(named, table.numbers(list(named.values()), flags=found.flags), strict=True))
     numbers = {name: columns.pop(name) for name in NUMBER_LABELS if name in columns}
     texts = {name: table.texts(found.indices[name]) for name in TEXT_LABELS if name in found.indices}
     empty = [name for name, label in (numbers | texts).items() if label.is_absent]
@@ -115,13 +116,17 @@ def take_runs(intake: Intake, long: LongTable, *, given: Mapping[str, float], se
         message = f"{len(groups)} runs, allowed are 1..{MAX_RUNS}: does the scenario change within a run?"
         raise UnusableFileError([reject(file, Code.TOO_MANY_FILES, message)])
     _require_order(long, [rows for _, rows in groups])
+    called = Counter(run_name(name)[0] for name, _ in groups)
     entries: list[tuple[RunEntry, str, Rows]] = []
     offered: dict[str, None] = {}
     for name, rows in groups:
-        label, entry, faults = _entry(long, name, rows, given, set_name, offered)
+        label, entry, found = _entry(long, name, rows, given, set_name, offered)
         offered[label] = None
-        intake.findings += faults
-        if entry is not None:
+        about = (
+            name_findings(name, label, row=int(long.lines[rows[0]]), times=called[run_name(name)[0]]) if name else []
+        )
+        intake.findings += [*found, *about]
+        if entry is not None and not any(finding.rejects for finding in about):
             entries.append((entry, label.removeprefix(f"{file}#"), rows))
     between = [replace(finding, file=file) for finding in check_entries([entry for entry, _, _ in entries])]
     intake.findings += between
@@ -129,6 +134,22 @@ def take_runs(intake: Intake, long: LongTable, *, given: Mapping[str, float], se
         for entry, name, rows in entries:
             intake.take(entry, name, partial(_samples, long, entry, rows))
     return list(offered)
+
+
+def name_findings(name: str, label: str, *, row: int | None, times: int) -> list[Finding]:
+    """What is to be said of a run's name that `times` runs of its file have; `label` is the run in findings."""
+    kept, unsafe = run_name(name)
+    if unsafe is not None:
+        return [reject(label, Code.UNSAFE_PATH, f"the run's name {shown(name)!r} {unsafe}", row=row, column="run")]
+    if times > 1:
+        message = (
+            f"{times} runs are called {shown(kept)!r}, once letters, spaces and \\ are written in one way; rename them"
+        )
+        return [reject(label, Code.DUPLICATE_NAME, message, row=row, column="run")]
+    if kept != name:
+        message = f"the run's name {shown(name)!r} is read as {shown(kept)!r}"
+        return [warn(label, Code.RENAMED, message, row=row, column="run")]
+    return []
 
 
 def _require_order(long: LongTable, groups: Sequence[Rows]) -> None:
@@ -188,7 +209,8 @@ def _entry(
     set_name = (texts.values[texts.codes[first]] if texts else "") or set_name
     known = all(label in scenario for label in REQUIRED_LABELS)
     told = "s{slope_deg:g}_m{mass_kg:g}_t{torque_nm:g}".format(**scenario) if known else "unnamed"
-    wanted = shown(name.strip()) or told
+    kept, unsafe = run_name(name) if name else (told, None)
+    wanted = kept if unsafe is None else shown(name)
     alternatives = (wanted if count == 1 else f"{wanted}_{count}" for count in itertools.count(1))
     label = next(f"{long.file}#{each}" for each in alternatives if f"{long.file}#{each}" not in taken)
     faults = list(_faults(long, labels, rows, label))

@@ -12,6 +12,7 @@ FORTRAN = (
 )
 AS_C = r"\1\3e\2\4"
 _FORTRAN = re.compile(FORTRAN)
+_LONGEST = 100
 AROUND = " \t\"'"
 """Characters around a number that do not belong to it."""
 
@@ -29,6 +30,8 @@ def number(cell: str) -> float:
     try:
         return float(text)
     except ValueError:
+        if len(text) > _LONGEST:  # the pattern takes long for many digits
+            raise
         return float(_FORTRAN.sub(AS_C, text))
 
 

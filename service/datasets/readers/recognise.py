@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Sequence
 
+from service.datasets.columns import unquoted
 from service.datasets.readers.presets import DEMOS, SILENT, Demo, Silent
 
 _UNITS = {
     *("", "-", "1", "s", "sec", "second", "seconds", "m", "m/s", "m s-1", "m/s2", "m/s^2", "m/s\u00b2", "rad", "rad/s"),
     *("n", "nm", "n m", "n*m", "n.m", "n\u00b7m"),
 }
-_UNIT = re.compile(r"(.+?)\s*[\[(]([^\])]*)[\])]")
-_SUFFIX = re.compile(r"(.+?)_(s|m|mps|m_s|mps2|m_s2|radps|rad_s|n|nm)")
+_SUFFIXES = ("_radps", "_rad_s", "_mps2", "_m_s2", "_mps", "_m_s", "_nm", "_n", "_s", "_m")
 _FEW = 3
 
 
 def plain(header: str) -> str:
     """A header cell in lower case, without quotes and without an SI unit; another unit stays, so that nothing fits."""
-    text = header.strip().strip("\"'").strip().lower()
-    found = _UNIT.fullmatch(text)
-    if found is not None:
-        return found[1] if found[2].strip() in _UNITS else text
-    found = _SUFFIX.fullmatch(text)
-    return found[1] if found is not None else text
+    text = unquoted(header).lower()
+    at = max(text.rfind("["), text.rfind("("))
+    if at > 0 and text.endswith(("]", ")")):
+        return text[:at].strip() if text[at + 1 : -1].strip() in _UNITS else text
+    suffix = next((each for each in _SUFFIXES if text.endswith(each) and text != each), "")
+    return text.removesuffix(suffix)
 
 
 def preset_of(names: Sequence[str]) -> str | None:

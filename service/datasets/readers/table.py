@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -70,8 +70,11 @@ class Table(Protocol):
     def noticed(self) -> Sequence[Finding]:
         """What was skipped or understood in a way that its author should know of."""
 
-    def numbers(self, indices: Sequence[int]) -> list[Numbers]:
-        """These columns. Raises UnusableFileError with line and column of what is no number."""
+    def numbers(self, indices: Sequence[int], *, flags: Collection[int] = ()) -> list[Numbers]:
+        """These columns; true and false are 1 and 0 in those of `flags`.
+
+        Raises UnusableFileError with line and column of what is no number.
+        """
 
     def texts(self, index: int) -> Texts:
         """One column as texts. Raises UnusableFileError."""

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from service.datasets.columns import REQUIRED, meaning_of
+from service.datasets.columns import REQUIRED, meaning_of, unquoted
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, warn
 from service.datasets.readers.numbers import is_number, number
 from service.datasets.readers.text_lines import SplitText, split_row
@@ -127,10 +127,15 @@ def _readings(line: str, text: SplitText) -> Iterator[tuple[str, ...]]:
     # aligned columns, whose names may have single spaces
     ways += [lambda each: re.split(r" {2,}|\t", each.strip()), str.split]
     for way in ways:
-        cells = [cell.strip().strip("\"'").strip() for cell in way(line)]
+        cells = [_name(cell) for cell in way(line)]
         while cells and not cells[-1]:
             cells.pop()
         yield tuple(cells)
+
+
+def _name(cell: str) -> str:
+    """A cell of a header without quotes around it; one that is too long for a name stays as it is, to be shown."""
+    return unquoted(cell) or cell.strip().strip("\"'")
 
 
 def _empty_at_the_end(text: SplitText, cells: int) -> int:

@@ -31,6 +31,8 @@ _TEXT_MEANINGS = {"run", "set", "file"}
 _NOISE = np.frombuffer(b"\n \t#/%!,;|\"'", dtype=np.uint8)
 _SEP_LINE = re.compile(rb'\A"?sep=(?P<mark>[^\n"]|\\t)"?(?P=mark)*[ ]*\n', re.IGNORECASE)
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_END_OF_DOS = b"\x1a"
+"""What DOS programs write behind the last line."""
 _DELIMITERS = (";", "\t", "|", ",")
 _OPEN_CELL = re.compile(rb'[,;|\t]"[^"]*$')
 _SPACED_QUOTE = re.compile(rb"(?<=[,;|\t]) +(?=[\"'])")
@@ -141,7 +143,7 @@ def _as_utf8(data: bytes, file: str) -> tuple[bytes, list[Finding]]:
             message = f"begins as UTF-16 does, but is not ({error.reason}); save it as UTF-8"
             raise UnusableFileError([reject(file, Code.NOT_TEXT, message)]) from error
         return text.encode(), [warn(file, Code.ENCODING, "is UTF-16 and read as such")]
-    data = data.removeprefix(codecs.BOM_UTF8)
+    data = data.removeprefix(codecs.BOM_UTF8).removesuffix(_END_OF_DOS)
     try:
         if not data.isascii():
             data.decode()

@@ -6,7 +6,7 @@ The careful way is the definition; the fast one is used where it cannot differ, 
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import BinaryIO
 
 import numpy as np
@@ -54,12 +54,16 @@ class TextTable:
         name = self.names[index] if self.names is not None and index < len(self.names) else ""
         return name or f"#{index}"
 
-    def numbers(self, indices: Sequence[int]) -> list[Numbers]:
-        """These columns. Raises UnusableFileError with line and column of ragged rows and of what is no number."""
+    def numbers(self, indices: Sequence[int], *, flags: Collection[int] = ()) -> list[Numbers]:
+        """These columns; true and false are 1 and 0 in those of `flags`.
+
+        Raises UnusableFileError with line and column of ragged rows and of what is no number.
+        """
         read = self._read(dict.fromkeys(indices, pa.float64()))
         if read is not None:
             return [_with_gaps(read[index]) for index in indices]
         strings = {index: _trimmed(column) for index, column in self._strings(indices).items()}
+        strings |= {index: _as_flags(strings[index]) for index in flags if index in strings}
         commas = commas_in(lambda pattern: any(_any(column, pattern) for column in strings.values()))
         if commas is Commas.DECIMAL:
             strings = self._with_points(strings)
@@ -163,6 +167,12 @@ def _trimmed(cells: pa.ChunkedArray) -> pa.ChunkedArray:
     """Cells without what is around them; null where there is no value."""
     cells = pc.utf8_trim(pc.fill_null(cells, ""), characters=AROUND)
     return pc.if_else(pc.is_in(cells, value_set=pa.array(sorted(NO_VALUE))), pa.scalar(None, pa.string()), cells)
+
+
+def _as_flags(cells: pa.ChunkedArray) -> pa.ChunkedArray:
+    for written, flag in ((r"^(?i:true)$", "1"), (r"^(?i:false)$", "0")):
+        cells = pc.replace_substring_regex(cells, written, flag)
+    return cells
 
 
 def _any(column: pa.ChunkedArray, pattern: str) -> bool:

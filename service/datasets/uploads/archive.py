@@ -24,6 +24,7 @@ from service.datasets.readers.sniff import HEAD_BYTES, Kind, is_archive
 from service.datasets.uploads.unpacking import BROKEN, Meter, reraise_system_error
 from service.datasets.uploads.upload_form import UploadLimits
 
+_VOLUME_LABEL = b"V"  # tar -V
 _UTF8 = 0x800  # bit 11 of a member's flags
 _WINDOWS = {0, 6, 10, 11, 14}  # MS-DOS, OS/2, NTFS (APPNOTE and Info-ZIP differ), VFAT
 _METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2}
@@ -55,7 +56,8 @@ def unpack_archive(
     try:
         with source.open("rb") as stream:
             members = _zip_members(stream, file, limits) if kind is Kind.ZIP else _tar_members(stream)
-            return _Unpacker(target, file, limits, meter).unpack(members)
+            noticed = _Unpacker(target, file, limits, meter).unpack(members)
+            return [*noticed, *(_before_zip(stream, file) if kind is Kind.ZIP else _after_tar(stream, file))]
     except _BROKEN as error:
         reraise_system_error(error)
         message = f"broken {kind} archive ({shown(str(error)) or type(error).__name__}); pack and upload it again"
@@ -248,6 +250,9 @@ def _tar_members(stream: BinaryIO) -> Iterator[_Member]:
             if info.size < 0 or info.offset <= position:
                 raise tarfile.ReadError("its members do not follow each other")
             position = info.offset
+            if info.type == _VOLUME_LABEL:
+                archive.members = []  # type: ignore[attr-defined]
+                continue
             name = unicodedata.normalize("NFC", info.name)
             yield _Member(name, info.name, info.size, info.isdir(), _tar_fault(info), _extractor(archive, info))
             archive.members = []  # type: ignore[attr-defined]  # it would remember each one
@@ -255,6 +260,26 @@ def _tar_members(stream: BinaryIO) -> Iterator[_Member]:
         if stream.read(512).strip(b"\0"):
             # tarfile takes a broken header for the end
             raise tarfile.ReadError("a header in the middle of it is broken")
+
+
+def _after_tar(stream: BinaryIO, file: str) -> list[Finding]:
+    """A word about what follows the end of the archive; `stream` stands there."""
+    while chunk := stream.read(_LONGEST_READ):
+        if chunk.strip(b"\0"):
+            return [_not_read(file, "follows the end of the archive")]
+    return []
+
+
+def _before_zip(stream: BinaryIO, file: str) -> list[Finding]:
+    """A word about another archive above the one that the directory at the end is about."""
+    with zipfile.ZipFile(stream) as archive:
+        first = min((info.header_offset for info in archive.infolist()), default=0)
+    return [_not_read(file, f"lies in the {first} bytes before the archive")] if first > 0 else []
+
+
+def _not_read(file: str, what: str) -> Finding:
+    message = f"not read is what {what}: are these several archives in one file? Upload each by itself"
+    return warn(file, Code.UNLISTED_FILE, message)
 
 
 def _extractor(archive: tarfile.TarFile, info: tarfile.TarInfo) -> Callable[[], IO[bytes]]:
@@ -270,6 +295,8 @@ def _extractor(archive: tarfile.TarFile, info: tarfile.TarInfo) -> Callable[[], 
 def _tar_fault(info: tarfile.TarInfo) -> tuple[Code, str] | None:
     if info.issym() or info.islnk():
         return Code.LINK, "is a link; put the file itself into the archive"
-    if not (info.isreg() or info.isdir()) or info.issparse():
+    if info.issparse():
+        return Code.SPECIAL_FILE, "is a sparse file; pack it without --sparse (-S)"
+    if not (info.isreg() or info.isdir()):
         return Code.SPECIAL_FILE, "is no plain file"
     return None

@@ -8,7 +8,7 @@ from service.datasets.file_names import is_of_desktop
 from service.datasets.findings import MAX_LOCATED, Code, Finding, UnusableFileError, reject, warn
 from service.datasets.intake import names_of
 from service.datasets.passport import PASSPORT_FILE, Passport
-from service.datasets.readers.column_map import ColumnMap, resolve
+from service.datasets.readers.column_map import ColumnMap, Resolution, resolve
 from service.datasets.readers.foreign import unsupported
 from service.datasets.readers.foreign_parquet import ParquetTable
 from service.datasets.readers.long_table import NUMBER_LABELS, TEXT_LABELS
@@ -50,11 +50,12 @@ def _is_table(path: Path, passport: Passport, column_map: ColumnMap | None) -> b
         start = read_start(path, _START_BYTES)
         kind = kind_of(start[:HEAD_BYTES])
         if kind is Kind.PARQUET:
-            return True if path.suffix == ".gz" else bool(_found(ParquetTable(path, path.name), passport, column_map))
+            return path.suffix == ".gz" or bool(_found(ParquetTable(path, path.name), passport, column_map).indices)
         if kind is not Kind.TEXT:
             return False
         table = parse_text(start if len(start) < _START_BYTES else whole_lines(start), file=path.name)
-        table.numbers(_found(table, passport, column_map))
+        found = _found(table, passport, column_map)
+        table.numbers([index for name, index in found.indices.items() if name not in TEXT_LABELS], flags=found.flags)
     except UnusableFileError:
         return False
     return True
@@ -68,9 +69,8 @@ def _foreign(path: Path, file: str) -> Finding | None:
         return None
 
 
-def _found(table: Table, passport: Passport, column_map: ColumnMap | None) -> list[int]:
-    """The columns of numbers that are wanted. Raises UnusableFileError."""
+def _found(table: Table, passport: Passport, column_map: ColumnMap | None) -> Resolution:
+    """The columns that are wanted. Raises UnusableFileError."""
     labels = (*TEXT_LABELS, *NUMBER_LABELS)
     names = names_of(table, passport)
-    found = resolve(names, table.width, column_map, file=table.file, labels=labels)
-    return [index for name, index in found.indices.items() if name not in TEXT_LABELS]
+    return resolve(names, table.width, column_map, file=table.file, labels=labels)

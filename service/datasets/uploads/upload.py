@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -18,7 +19,7 @@ import numpy as np
 from service.datasets.alignment import NOTHING_SAID
 from service.datasets.checks.validate import check_entries
 from service.datasets.columns import canonical_name
-from service.datasets.file_names import upload_name
+from service.datasets.file_names import run_name, upload_name
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, told_too, warn
 from service.datasets.given import Given
 from service.datasets.intake import Intake, Progress, run_in
@@ -28,7 +29,14 @@ from service.datasets.readers.column_map import ColumnMap
 from service.datasets.readers.folder import passport_of, take_listed, unlisted_in
 from service.datasets.readers.foreign import unsupported
 from service.datasets.readers.foreign_parquet import ParquetTable, declares_our_format
-from service.datasets.readers.long_table import MAY_CHANGE, REQUIRED_LABELS, is_long, read_long, take_runs
+from service.datasets.readers.long_table import (
+    MAY_CHANGE,
+    REQUIRED_LABELS,
+    is_long,
+    name_findings,
+    read_long,
+    take_runs,
+)
 from service.datasets.readers.sniff import HEAD_BYTES, Kind, kind_of
 from service.datasets.readers.table import Samples, Table
 from service.datasets.readers.text_table import parse_text
@@ -204,11 +212,17 @@ class _UploadReader:
         unknown = unknown_columns(str(path))
         if unknown:
             unused.append(warn(file, Code.IGNORED_COLUMN, f"not used: {', '.join(map(repr, unknown[:12]))}"))
-        intake.findings += [*noticed, *told, *unused, *between, *_scenario_faults(entries)]
+        called = Counter(run_name(run.name)[0] for run in dataset.runs)
+        names = [
+            finding
+            for entry, run in entries
+            for finding in name_findings(run.name, entry.file, row=None, times=called[run_name(run.name)[0]])
+        ]
+        intake.findings += [*noticed, *told, *unused, *between, *names, *_scenario_faults(entries)]
         barred = {finding.file for finding in intake.findings if finding.rejects}
         for entry, run in entries:
             if entry.file not in barred and RUN_TABLE not in barred:
-                intake.take(entry, run.name, partial(_samples_of, run))
+                intake.take(entry, run_name(run.name)[0], partial(_samples_of, run))
         name = self.form.name or self._name(dataset.name or file)
         return intake.conclude(name, [entry.file for entry, _ in entries], strict=self.form.strict)
 

@@ -21,7 +21,7 @@ _SLOPE, _MASS, _TORQUE, _HORIZON = (
     )
 )
 
-_START = r"^(first-row|-?(\d{1,6}(\.\d*)?|\.\d+)([eE][+-]?\d{1,2})?)$"
+_START = r"^(first-row|-?(\d{1,11}(\.\d*)?|\.\d+)([eE][+-]?\d{1,2})?)$"
 
 
 def _as_text(value: object) -> object:
