@@ -19,7 +19,7 @@ export class Player {
     this.frames = 0;
     this.calm = matchMedia("(prefers-reduced-motion: reduce)");
     this.button = h("button.main.play", { type: "button", disabled: true, click: () => this.toggle() }, "Play");
-    this.scrubber = h("input", { type: "range", min: 0, max: 0, step: 0.01, value: 0, "aria-label": "Time of the drive", input: () => this.seek(Number(this.scrubber.value)) });
+    this.scrubber = h("input", { type: "range", min: 0, max: 0, step: "any", value: 0, "aria-label": "Time of the drive", input: () => this.seek(Number(this.scrubber.value)) });
     this.readout = h("span.readout", { "aria-hidden": "true" }, "0.0 s");
     this.speeds = SPEEDS.map((speed) => h("button", { type: "button", "data-speed": speed, "aria-pressed": String(speed === 1), click: () => this.#fast(speed) }, `${speed}×`));
     this.element = h("div.player", {}, this.button, this.scrubber, this.readout, h("span.choice", { role: "group", "aria-label": "Speed of playing" }, ...this.speeds));
@@ -34,7 +34,6 @@ export class Player {
     this.duration = duration_s;
     this.button.disabled = false;
     this.scrubber.max = String(duration_s);
-    this.scrubber.step = String(Math.min(0.01, duration_s / 1000));
     this.seek(Math.min(this.time, duration_s));
   }
 

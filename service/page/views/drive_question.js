@@ -20,8 +20,8 @@ export const EXAMPLES = {
     track: { kind: "slopes", x: [0, 2, 2.3], y: [10, 10, 20] } },
   coast: { words: "Motors off on the way up", torques: "0:100,8:0,10:100", until: 8, horizon: 30,
     track: { kind: "slopes", x: [0, 4, 8], y: [18, 22, 20] } },
-  steep: { words: "Too steep in the end", torques: "0:24", until: 9, horizon: 30,
-    track: { kind: "slopes", x: [0, 3, 5, 7, 9], y: [10, 18, 24, 31, 31] } },
+  steep: { words: "Too steep in the end", torques: "0:32", until: 6, horizon: 30,
+    track: { kind: "slopes", x: [0, 2, 4, 6], y: [10, 20, 30, 31] } },
   one: { words: "One slope (with the prior)", torques: "0:60", horizon: 20, track: { kind: "slopes", x: [0], y: [25] } },
 };
 const FIRST = "rim";
@@ -74,7 +74,7 @@ export function questionFrom(query, now) {
   let complaint = "";
   let track = trackFrom(query);
   if (given === FROM_FILE) {
-    track = now?.track;
+    track = now && !shareable(now) ? now.track : undefined;
     if (!track) complaint = "The track of this address was in a file that the address could not hold. Load it again; here is an example.";
   } else if (given !== null && !track) complaint = "The track of this address cannot be read; here is an example.";
   const told = query.get("torques");

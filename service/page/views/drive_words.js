@@ -45,7 +45,7 @@ export function judged({ summary, domain, drive, events }) {
   else if (late) [kind, head] = ["warn", "Not in this time."];
   else if (!probabilities) [kind, head] = ["", "It goes on."];
   else if (probabilities.passes < SURE || (goal !== null && arrival_latest_s === null)) [kind, head] = ["warn", "Not sure enough."];
-  else if (trouble) [kind, head] = ["warn", "It gets there, but not well."];
+  else if (trouble) [kind, head] = ["warn", "Not without trouble."];
   else [kind, head] = ["good", "Yes, drive."];
   const end = goal === null || outcome !== "passes" ? `The rover ${OUTCOMES[outcome] ?? outcome}${trouble && outcome !== "passes" ? `, first after ${shown(trouble.time_s, 1)} s` : ""}.`
     : late ? `The rover goes on, but it is not at ${shown(goal, 1)} m within ${shown(drive.horizon_s, 0)} s.`
