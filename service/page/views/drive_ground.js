@@ -3,6 +3,7 @@
 // with `frame=world` where the rover is; the tests compare the two.
 
 const RADIANS = Math.PI / 180;
+const ALONE_M = 5; // of a track with one slope, as elevations
 
 /**
  * A track as it is edited: `slopes` has slopes (deg) over distances along the surface (m), `elevations` has elevations
@@ -38,7 +39,7 @@ export function between(places, values, at) {
 
 /** Slope over distance, linear between knots, constant beyond them. */
 export class Ground {
-  /** @param {number[]} knots_m @param {number[]} slope_rad @param {number} end_m  where the track was known to */
+  /** @param {number[]} knots_m @param {number[]} slope_rad @param {number} end_m  where the track was known to; infinite for one slope */
   constructor(knots_m, slope_rad, end_m) {
     this.knots = knots_m;
     this.slopes = slope_rad;
@@ -93,7 +94,7 @@ function chord(length, from, to) {
 export function groundOf({ kind, x, y }) {
   const rises = x.every((each, knot) => Number.isFinite(each) && Number.isFinite(y[knot]) && (knot === 0 || each > x[knot - 1]));
   if (!rises || x.length < (kind === "slopes" ? 1 : 2)) return undefined;
-  if (kind === "slopes") return new Ground(x, y.map((each) => each * RADIANS), x[x.length - 1]);
+  if (kind === "slopes") return new Ground(x, y.map((each) => each * RADIANS), x.length > 1 ? x[x.length - 1] : Infinity);
   const slopes = x.slice(1).map((each, piece) => Math.atan2(y[piece + 1] - y[piece], each - x[piece]));
   const lengths = x.slice(1).map((each, piece) => Math.hypot(each - x[piece], y[piece + 1] - y[piece]));
   const knots = [0];
@@ -114,7 +115,7 @@ export function converted(track) {
   if (!ground) return track;
   const rounded = (/** @type {number} */ value, digits = 4) => Number(value.toFixed(digits));
   if (track.kind === "elevations") return { kind: "slopes", x: ground.knots.map((each) => rounded(each)), y: ground.slopes.map((each) => rounded(each / RADIANS)) };
-  const knots = ground.knots.length > 1 ? [...ground.knots] : [0, Math.max(5, ground.end)];
+  const knots = ground.knots.length > 1 ? [...ground.knots] : [0, ALONE_M];
   if (knots[0] > 0) knots.unshift(0);
   const places = knots.map((each) => ground.at(each));
   return { kind: "elevations", x: places.map(([across]) => rounded(across)), y: places.map(([, up]) => rounded(up)) };
