@@ -165,6 +165,16 @@ def test_one_slope_has_the_prior_of_the_api_as_ghost_and_other_drives_say_that_t
     assert "No ghost" in page.locator(".ghost").inner_text()
 
 
+def test_a_slope_can_be_watched_as_a_drive(seen, shipped):
+    page = seen.go("#slope?slope_deg=25&mass_kg=430&torque_nm=60&horizon_s=20")
+    page.get_by_role("link", name="Watch the rover drive it").click()
+    wait_for(page, slopes="0%3A25")
+    question = {"mass_kg": 430, "track": {"distance_m": [0], "slope_deg": [25]}, "controls": 60, "horizon_s": 20}
+
+    assert float(shown(page, "final_x_m")) == answered(shipped, question)["summary"]["final_x_m"]
+    assert "prior" in now(page)
+
+
 def test_a_shared_address_shows_the_same_and_back_returns(seen, open_at, shipped):
     page = opened(seen, HILL, horizon_s=12)
     page.locator("#field-mass_kg").fill("512.5")

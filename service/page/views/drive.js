@@ -66,6 +66,7 @@ class Drive {
     this.plots = this.#plots();
     this.newest = new Newest((question, signal) => this.#drive(question, signal), (found, question) => this.#show(found, question), (problem) => this.#refused(problem));
     this.keep = later(KEEP_MS, () => this.#write(true));
+    this.telling = later(KEEP_MS, () => say(this.verdict.textContent)); // not of each drive while a knot is dragged
   }
 
   #plots() {
@@ -114,6 +115,7 @@ class Drive {
 
   unmount() {
     this.keep.cancel();
+    this.telling.cancel();
     this.newest.end();
     for (const each of [...this.plots, this.track, this.controls, this.stage]) each.destroy();
   }
@@ -226,7 +228,7 @@ class Drive {
     fill(this.links, elsewherePosted("v1/drives", body, this.forms));
     this.stage.show(new Motion(answer, prior, ground), answer);
     this.charts.dataset.shown = new URLSearchParams(/** @type {any} */ (addressed(question))).toString();
-    say(this.verdict.textContent);
+    this.telling.call();
   }
 
   /** @param {import("./drive_motion.js").Moment | null} moment @param {boolean} playing */

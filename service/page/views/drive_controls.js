@@ -143,6 +143,8 @@ export class OptionalNumber {
     this.field = field;
     const id = `field-${field.name}`;
     this.without = without;
+    /** @type {number | null} */
+    this.last = null;
     this.number = h("input", { type: "number", id, step: "any", inputmode: "decimal", "aria-describedby": `${id}-hint`, input: heard.input, change: heard.commit });
     this.hint = h("span.hint", { id: `${id}-hint` }, without);
     this.element = h("div.control", { "data-field": field.name },
@@ -152,12 +154,14 @@ export class OptionalNumber {
   /** @returns {number | null} */
   get value() {
     const text = this.number.value.trim();
-    return text !== "" && Number.isFinite(Number(text)) ? Number(text) : null;
+    if (this.number.validity.badInput) return this.last; // half a number, as "-"
+    this.last = text !== "" && Number.isFinite(Number(text)) ? Number(text) : null;
+    return this.last;
   }
 
   /** @param {number | null} value */
   set(value) {
-    if (value !== this.value) this.number.value = value === null ? "" : String(value);
+    if (value !== this.value || this.number.validity.badInput) this.number.value = value === null ? "" : String(value);
   }
 
   /** Say what is wrong with it; nothing: all is well. @param {string} words */
