@@ -176,8 +176,13 @@ export class Newest {
  */
 export async function download(href, name) {
   const answer = await ask(href);
+  save(await answer.blob(), name);
+}
+
+/** Save what was fetched. @param {Blob} blob @param {string} name  of the file */
+export function save(blob, name) {
   const link = document.createElement("a");
-  link.href = URL.createObjectURL(await answer.blob());
+  link.href = URL.createObjectURL(blob);
   link.download = name;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000);

@@ -43,6 +43,8 @@ export class Chart {
     this.details = h("details", { toggle: () => this.#fillTable() }, h("summary", {}, "Values as a table"), this.table);
     this.element = h("figure.plot", {}, h("figcaption", {}, h("h2", {}, what.title), this.legend), this.area, this.reading, this.details);
     host.append(this.element);
+    this.standing = h("span.stand", { hidden: true });
+    this.marks = h("div.marks", { "aria-hidden": "true" }, this.standing);
     this.area.style.minHeight = `${what.height ?? HEIGHT}px`;
     this.area.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => this.#key(event));
     this.sizes = new ResizeObserver(() => this.#size());
@@ -52,9 +54,18 @@ export class Chart {
     this.scheme.addEventListener("change", this.recolor);
   }
 
-  /** Show these columns; `columns[x.key]` rises. @param {Columns} columns */
-  show(columns) {
+  /**
+   * Show these columns; `columns[x.key]` rises.
+   * @param {Columns} columns
+   * @param {{at: number, key: string}[]} [marks]  places along x; `key` goes to `data-key`, for its colour
+   */
+  show(columns, marks = []) {
     this.columns = columns;
+    fill(this.marks, ...marks.map(({ at, key }) => {
+      const mark = h("span", { "data-key": key });
+      mark.style.left = `${(100 * this.#share(at)).toFixed(3)}%`;
+      return mark;
+    }), this.standing);
     const shape = this.#lines().map((each) => each.key).join() + this.#hasBand();
     if (!this.plot || shape !== this.shape) {
       this.shape = shape;
@@ -65,6 +76,18 @@ export class Chart {
     this.at = Math.min(this.at || last, last);
     this.#speak();
     if (this.details.open) this.#fillTable();
+  }
+
+  /** Mark a place along x that moves; null: none. Cheap, for each picture of an animation. @param {number | null} at */
+  stand(at) {
+    this.standing.hidden = at === null;
+    if (at !== null) this.standing.style.transform = `translateX(${(100 * this.#share(at)).toFixed(3)}%)`;
+  }
+
+  /** @param {number} at */
+  #share(at) {
+    const times = this.#times();
+    return (at - times[0]) / Math.max(1e-9, times[times.length - 1] - times[0]);
   }
 
   /** Take it away. */
@@ -109,11 +132,12 @@ export class Chart {
       scales: { x: { time: false } },
       series: [{}, ...edges, ...lines],
       bands: edges.length && band ? [{ series: [1, 2], fill: color(band.color) }] : [],
-      axes: [{ ...axis, label: `${x.label} (${x.unit})`, size: 32 }, { ...axis, label: `${y.label} (${y.unit})`, size: 52, space: 32 }],
+      axes: [{ ...axis, label: titled(x), size: 32 }, { ...axis, label: titled(y), size: 52, space: 32 }],
       cursor: { drag: { x: false, y: false }, sync: sync ? { key: sync } : undefined, points: { size: 7 } },
       hooks: { setCursor: [(/** @type {any} */ plot) => this.#pointed(plot.cursor.idx)] },
     }, this.#data(), this.area);
     this.plot.root.setAttribute("aria-hidden", "true");
+    this.plot.over.append(this.marks);
     this.#fillLegend();
   }
 
@@ -162,7 +186,7 @@ export class Chart {
     const at = this.#times()[index];
     if (at === undefined) return "";
     const decimals = y.decimals ?? 3;
-    const parts = this.#lines().map((each) => `${each.label} ${shown(this.columns[each.key]?.[index], decimals)} ${y.unit}`);
+    const parts = this.#lines().map((each) => `${each.label} ${shown(this.columns[each.key]?.[index], decimals)} ${y.unit}`.trimEnd());
     if (band && this.#hasBand()) {
       const edge = (/** @type {string} */ key) => shown(this.columns[key]?.[index], decimals);
       parts.push(`${band.label} ${edge(band.lower)} to ${edge(band.upper)} ${y.unit}`);
@@ -197,10 +221,15 @@ export class Chart {
     const rows = Array.from({ length: Math.min(ROWS, times.length) }, (_, row) =>
       Math.round((row * (times.length - 1)) / Math.max(1, Math.min(ROWS, times.length) - 1)));
     fill(this.table, h("table", {},
-      h("thead", {}, h("tr", {}, ...[`${x.label} (${x.unit})`, ...heads.map((each) => `${each} (${y.unit})`)].map((each) => h("th", { scope: "col" }, each)))),
+      h("thead", {}, h("tr", {}, ...[titled(x), ...heads.map((label) => titled({ label, unit: y.unit }))].map((each) => h("th", { scope: "col" }, each)))),
       h("tbody", {}, ...rows.map((row) => h("tr", {}, h("th", { scope: "row" }, shown(times[row], x.decimals ?? 2)),
         ...keys.map((key) => h("td", {}, shown(this.columns[key]?.[row], y.decimals ?? 3))))))));
   }
+}
+
+/** @param {{label: string, unit: string}} axis  a ratio has no unit */
+function titled({ label, unit }) {
+  return unit ? `${label} (${unit})` : label;
 }
 
 /** @param {string} name  of a custom property @param {"solid" | "dashed" | "area"} kind */

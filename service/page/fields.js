@@ -15,7 +15,7 @@ let schemas;
 
 /**
  * The fields of a question that are numbers.
- * @param {"prediction" | "mobility"} question
+ * @param {"prediction" | "mobility" | "drive"} question
  * @returns {Promise<Record<string, Field>>}
  */
 export async function fieldsOf(question) {
@@ -44,7 +44,7 @@ export async function formsOf(question) {
   return $defs[($ref || anyOf[0]?.$ref || "").split("/").at(-1)]?.enum ?? [];
 }
 
-/** @param {"prediction" | "mobility"} question */
+/** @param {"prediction" | "mobility" | "drive"} question */
 async function schemaOf(question) {
   schemas ??= askJson("page/fields.json");
   schemas.catch(() => { schemas = undefined; }); // asked anew, the next time

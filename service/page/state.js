@@ -31,7 +31,7 @@ export function read() {
  * @param {URLSearchParams | Record<string, string | number>} [query]
  */
 export function addressOf(view, query = {}) {
-  const text = new URLSearchParams(/** @type {any} */ (query)).toString();
+  const text = new URLSearchParams(/** @type {any} */ (query)).toString().replaceAll("%3A", ":").replaceAll("%2C", ","); // a track stays readable
   return `#${view}${text && `?${text}`}`;
 }
 

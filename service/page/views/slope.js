@@ -7,7 +7,7 @@ import { NumberControl, versionControl } from "../controls.js";
 import { fill, h, later, say } from "../dom.js";
 import { fieldsOf, formsOf, knowledgeOf } from "../fields.js";
 import { elsewhere } from "../links.js";
-import { write } from "../state.js";
+import { addressOf, write } from "../state.js";
 import { answered, facts, judged, nearest, noAnswer } from "./slope_words.js";
 
 const NAMES = /** @type {const} */ ({ slope_deg: "Slope", mass_kg: "Mass", torque_nm: "Wheel torque", horizon_s: "Time" });
@@ -186,7 +186,7 @@ class Slope {
   async #judge() {
     const { asked, answer } = this;
     if (!asked || !answer) return;
-    if (this.question) fill(this.links, elsewhere("v1/predictions", this.question, this.forms));
+    if (this.question) fill(this.links, elsewhere("v1/predictions", this.question, this.forms), this.#watch(asked));
     this.#nearest();
     const key = new URLSearchParams(/** @type {any} */ (asked)).toString();
     this.judging = new AbortController();
@@ -204,6 +204,12 @@ class Slope {
     fill(this.verdict, judged(answer, steepest, chances));
     this.verdict.dataset.judged = key;
     say(this.verdict.textContent);
+  }
+
+  /** The same slope as a drive, which can be watched. @param {Question} asked */
+  #watch({ slope_deg, mass_kg, torque_nm, horizon_s, model }) {
+    const drive = { mass_kg, slopes: `0:${slope_deg}`, torques: `0:${torque_nm}`, horizon_s, ...(model ? { model } : {}) };
+    return this.drives && h("p.watch", {}, h("a", { href: addressOf("drive", drive) }, "Watch the rover drive it"));
   }
 
   #nearest() {
