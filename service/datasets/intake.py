@@ -20,7 +20,7 @@ from service.datasets.checks.validate import (
 from service.datasets.findings import Code, Finding, UnusableFileError, reject, told_too, warn
 from service.datasets.passport import PASSPORT_FILE, Passport
 from service.datasets.readers.column_map import ColumnMap, resolve
-from service.datasets.readers.headerless import suggestion
+from service.datasets.readers.headerless import with_suggestion
 from service.datasets.readers.table import Samples, Table, numbers_if_any, samples_of
 from service.datasets.report import RejectedDatasetError, ValidationReport, make_report
 from service.datasets.run import MAX_ROWS_PER_RUN, MAX_TOTAL_ROWS, Dataset, Run
@@ -149,9 +149,10 @@ def run_in(table: Table, passport: Passport, column_map: ColumnMap | None, said:
         columns = dict(zip(found.indices, table.numbers(list(found.indices.values()), flags=found.flags), strict=True))
         samples = samples_of(columns, table.lines, file=table.file, zero_start=found.zero_start)
     except UnusableFileError as error:
-        told = suggestion(table) if names is None and column_map is None else None
         known = told_too(error, (*table.noticed, *noticed))
-        raise UnusableFileError([told, *known.findings]) if told else known from error
+        if names is None and column_map is None:
+            raise UnusableFileError(with_suggestion(table, known.findings)) from error
+        raise known from error
     checked = {name: column.values for name, column in numbers_if_any(table, found.checked).items()}
     lies = check_labels(found.preset, columns["time_s"].values, checked, file=table.file)
     return replace(samples, findings=(*table.noticed, *found.findings, *lies, *samples.findings))

@@ -381,3 +381,15 @@ def test_columns_that_do_not_belong_to_the_header_are_refused(tmp_path):
     rows = "run.csv,28,5,430,60"
     found = refused(tmp_path, packed(archive(COMMA(*table()), rows=rows)))
     assert (found[0].code, found[0].file, found[0].row) == ("ragged-row", "runs.csv", 2)
+
+
+def test_three_columns_without_a_header_are_told_what_to_pass_first(tmp_path):
+    rows = "\n".join(
+        " ".join(f"{float(cell):.8E}".replace("E", "D") for cell in row[:3]) for row in table()[1]
+    ).encode()
+
+    findings = [each for each in refused(tmp_path, rows, **SCENARIO) if each.rejects]
+
+    first, *_, last = findings
+    assert '{"time_s": 0, "rear_x_m": 1, "rear_y_m": 2}' in first.message
+    assert last.message.startswith("3 columns without a header: if they are time, force and torque")

@@ -13,6 +13,8 @@ from service.datasets.readers.recognise import places, preset_of, told_by_header
 from service.datasets.units import mapped_in_another_unit, said_in_another_unit
 from service.errors import InvalidValueError
 
+_EXAMPLE = '{"time_s": 0, "rear_x_m": 1, "rear_y_m": 2}'
+
 
 @dataclass(frozen=True, slots=True)
 class ColumnMap:
@@ -197,7 +199,7 @@ def _missing(name: str, names: Sequence[str] | None, count: int, file: str, want
     what = f"no column {quoted(wanted)} for {name}" if wanted else f"no column for {name}"
     if names is None:
         has = f"there is no header over its {count} columns"
-        remedy = f'give a column map with 0-based indices, for example {{"{name}": 1}}'
+        remedy = f"give a column map with 0-based indices, for example {_EXAMPLE}"
     else:
         has = f"the header has {', '.join(quoted(each) for each in names[:16])}"
         remedy = told_by_header(names) or f"give a column map, or a preset among {', '.join(PRESETS)}"
