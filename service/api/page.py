@@ -16,6 +16,8 @@ from starlette.exceptions import HTTPException
 
 from service.api.http.compression import SMALLEST_BYTES, Coding, compressed
 from service.api.http.delivery import Delivery
+from service.api.v1.admin.upload_fields import UploadFields
+from service.jobs.request import TrainingJobRequest
 from service.wire.mobility import MobilityQuery
 from service.wire.prediction import PredictionQuery
 
@@ -34,7 +36,12 @@ _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-_QUESTIONS: dict[str, type[BaseModel]] = {"prediction": PredictionQuery, "mobility": MobilityQuery}
+_QUESTIONS: dict[str, type[BaseModel]] = {
+    "prediction": PredictionQuery,
+    "mobility": MobilityQuery,
+    "upload": UploadFields,
+    "training": TrainingJobRequest,
+}
 
 
 @dataclass(frozen=True, slots=True)
