@@ -16,7 +16,7 @@ from starlette.exceptions import HTTPException
 
 from service.api.http.compression import SMALLEST_BYTES, Coding, compressed
 from service.api.http.delivery import Delivery
-from service.api.v1.admin.upload_fields import UploadFields
+from service.datasets.uploads.upload_form import UploadForm
 from service.jobs.request import TrainingJobRequest
 from service.wire.mobility import MobilityQuery
 from service.wire.prediction import PredictionQuery
@@ -39,7 +39,7 @@ _POLICY = (
 _QUESTIONS: dict[str, type[BaseModel]] = {
     "prediction": PredictionQuery,
     "mobility": MobilityQuery,
-    "upload": UploadFields,
+    "upload": UploadForm,
     "training": TrainingJobRequest,
 }
 

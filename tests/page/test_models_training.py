@@ -65,7 +65,7 @@ def test_from_upload_to_promotion_and_back(open_at: Open, tmp_path: Path) -> Non
         page.context.close()
 
 
-def _train(page) -> None:  # type: ignore[no-untyped-def]
+def _train(page):
     """A small network on the runs that were uploaded; the connection to its events is lost once."""
     lost = []
     page.route("**/events", lambda route: route.continue_() if lost else (lost.append(1), route.abort()))
@@ -82,7 +82,7 @@ def _train(page) -> None:  # type: ignore[no-untyped-def]
     assert "published viper-lunar@6" in page.get_by_role("log").inner_text()
 
 
-def _promote_and_roll_back(page, running) -> None:  # type: ignore[no-untyped-def]
+def _promote_and_roll_back(page, running):
     dialog = page.get_by_role("dialog")
     page.get_by_role("button", name="Promote version 6").click()
     dialog.get_by_label("Reason, kept in the history").fill("to see it in use")
@@ -104,7 +104,7 @@ def _promote_and_roll_back(page, running) -> None:  # type: ignore[no-untyped-de
     assert page.get_by_text("campaign").first.is_visible()
 
 
-def _wait_for_version(page, running, question, version) -> None:  # type: ignore[no-untyped-def]
+def _wait_for_version(page, running, question, version):
     for _ in range(50):
         if running.client.get("/v1/predictions", params=question).json()["model"]["version"] == version:
             return

@@ -128,9 +128,16 @@ function errors(manifest) {
       h("strong", {}, `${metres(all.p90)} m`), "."),
     table("Errors by what the rover did", heads, rows),
     priors && h("p.small.muted", {}, "Blue bars: this version; brown: its closed-form part alone. Full colour to the median, lighter to the 90th percentile."),
-    fold("Every run", () => table("Errors of every run", ["~Run", "Slope (°)", "Mass (kg)", "Torque (N m)", "Time (s)", "End, error (m)", "Prior alone (m)"],
+    fold("Every run", () => tall("Errors of every run", ["~Run", "Slope (°)", "Mass (kg)", "Torque (N m)", "Time (s)", "End, error (m)", "Prior alone (m)"],
       runs.toSorted((one, other) => other.model.final_m - one.model.final_m).map((each) => [each.run, each.slope_deg, each.mass_kg, each.torque_nm, each.horizon_s,
         metres(each.model.final_m), metres(each.prior?.final_m)]))));
+}
+
+/** A table of many rows. @param {Parameters<typeof table>} what */
+function tall(...what) {
+  const made = table(...what);
+  made.classList.add("tall");
+  return made;
 }
 
 /** @param {any} manifest */
