@@ -94,7 +94,8 @@ class Models {
     const name = query.get("model") ?? first?.name ?? "";
     const model = all.find((each) => each.name === name);
     const asked = query.get("version") ?? "";
-    const version = /^[0-9]+$/.test(asked) ? Number(asked) : model?.aliases[asked || "champion"] ?? model?.versions.at(-1) ?? 1;
+    const named = new Map(Object.entries(model?.aliases ?? {})).get(asked || "champion");
+    const version = /^[0-9]+$/.test(asked) ? Number(asked) : named ?? model?.versions.at(-1) ?? 1;
     const to = (/** @type {Record<string, string | number>} */ changes) => {
       const next = new URLSearchParams(read().view === "models" ? read().query : query);
       if (name) next.set("model", name);

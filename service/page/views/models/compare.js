@@ -79,7 +79,7 @@ class Comparison {
     this.title.textContent = `${mine.name}, version ${mine.version}`;
     const there = references(chosen.models).filter(({ reference }) => /@[0-9]+$/.test(reference) && reference !== referenceOf(mine));
     fill(this.other, ...there.map(({ reference, words }) => h("option", { value: reference }, words)));
-    const wanted = chosen.query.get("with") ?? usual(chosen);
+    const wanted = numbered(chosen.query.get("with") ?? usual(chosen), chosen);
     if (wanted && !there.some(({ reference }) => reference === wanted)) this.other.append(h("option", { value: wanted }, wanted));
     this.other.value = wanted;
     for (const [name, control] of Object.entries(this.controls)) {
@@ -112,8 +112,8 @@ class Comparison {
       }
       this.room.dataset.shown = pair;
     } catch (error) {
-      this.pair = "";
       if (signal.aborted) return;
+      this.pair = "";
       if (!(error instanceof Problem)) throw error;
       fill(this.facing, h("div.card", {}, refusal(error)));
     }
@@ -156,6 +156,13 @@ class Comparison {
     outside.length > 0 && h("p.notice.warn", {}, `Outside what was validated: ${outside.join(" and ")}.`));
     this.curve.dataset.shown = new URLSearchParams(asked.question).toString();
   }
+}
+
+/** `viper-lunar@5` for `viper-lunar@champion`. @param {string} reference @param {Chosen} chosen */
+function numbered(reference, { models }) {
+  const [name, at = "champion"] = reference.split("@");
+  const version = models.find((each) => each.name === name)?.aliases[at];
+  return version === undefined ? reference : `${name}@${version}`;
 }
 
 /** What a version is compared with where nobody chose: the champion, else the newest other one. @param {Chosen} chosen */
