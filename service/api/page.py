@@ -16,6 +16,8 @@ from starlette.exceptions import HTTPException
 
 from service.api.http.compression import SMALLEST_BYTES, Coding, compressed
 from service.api.http.delivery import Delivery
+from service.datasets.uploads.upload_form import UploadForm
+from service.jobs.request import TrainingJobRequest
 from service.wire.drives.question import DriveBody
 from service.wire.mobility import MobilityQuery
 from service.wire.prediction import PredictionQuery
@@ -35,7 +37,13 @@ _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-_QUESTIONS: dict[str, type[BaseModel]] = {"prediction": PredictionQuery, "mobility": MobilityQuery, "drive": DriveBody}
+_QUESTIONS: dict[str, type[BaseModel]] = {
+    "prediction": PredictionQuery,
+    "mobility": MobilityQuery,
+    "drive": DriveBody,
+    "upload": UploadForm,
+    "training": TrainingJobRequest,
+}
 
 
 @dataclass(frozen=True, slots=True)

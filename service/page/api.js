@@ -27,8 +27,8 @@ export function onToken(heard) {
 
 /** What the service refused, in its own words. `fields` are those of the question that are wrong. */
 export class Problem extends Error {
-  /** @param {number} status  0: no answer @param {any} [document] @param {string} [otherwise] */
-  constructor(status, document = {}, otherwise = "") {
+  /** @param {number} status  0: no answer @param {any} [document] @param {string} [otherwise] @param {number} [wait_s]  before the next try */
+  constructor(status, document = {}, otherwise = "", wait_s = 0) {
     super(document?.detail || otherwise || `the service answered ${status}`);
     this.name = "Problem";
     this.status = status;
@@ -37,6 +37,7 @@ export class Problem extends Error {
     /** @type {{field: string, value?: string, allowed?: string, message: string}[]} */
     this.fields = Array.isArray(document?.errors) ? document.errors : [];
     this.document = document;
+    this.wait_s = wait_s;
   }
 }
 
@@ -93,11 +94,50 @@ export async function askJson(path, how) {
   return answer.json();
 }
 
+/**
+ * Send a form, and hear how much of it is sent, which `fetch` does not tell. Raises Problem; an AbortError at `signal`.
+ * @param {string} path
+ * @param {FormData} form
+ * @param {{signal: AbortSignal, sent: (share: number) => void}} how  sent: of one, which is when the service works on it
+ * @returns {Promise<any>} the answer's JSON
+ */
+export function sendForm(path, form, { signal, sent }) {
+  const request = new XMLHttpRequest();
+  request.open("POST", address(path));
+  if (token) request.setRequestHeader("Authorization", `Bearer ${token}`);
+  request.upload.addEventListener("progress", ({ loaded, total }) => sent(total ? Math.min(0.999, loaded / total) : 0));
+  request.upload.addEventListener("load", () => sent(1));
+  return new Promise((answered, failed) => {
+    signal.addEventListener("abort", () => request.abort(), { once: true });
+    request.addEventListener("abort", () => failed(new DOMException("nobody waits", "AbortError")));
+    request.addEventListener("error", () => failed(new Problem(0, {}, "the service cannot be reached or ended the connection, or the file has changed since it was chosen")));
+    request.addEventListener("load", () => {
+      const { status } = request;
+      if (status >= 200 && status < 300) answered(JSON.parse(request.responseText));
+      else failed(problem(status, parsed(request.responseText), request.getResponseHeader("Retry-After")));
+    });
+    request.send(form);
+  });
+}
+
 /** @param {Response} answer */
 async function refused(answer) {
-  const document = await answer.json().catch(() => ({}));
-  if (answer.status === 401) watchers.forEach((heard) => heard(true));
-  return new Problem(answer.status, document);
+  return problem(answer.status, parsed(await answer.text().catch(() => "")), answer.headers.get("Retry-After"));
+}
+
+/** @param {number} status @param {any} document @param {string | null} wait */
+function problem(status, document, wait) {
+  if (status === 401) watchers.forEach((heard) => heard(true));
+  return new Problem(status, document, "", Number(wait) || 0);
+}
+
+/** @param {string} text */
+function parsed(text) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return {};
+  }
 }
 
 /** @param {AbortSignal} one @param {AbortSignal} other */

@@ -44,8 +44,12 @@ export async function formsOf(question) {
   return $defs[($ref || anyOf[0]?.$ref || "").split("/").at(-1)]?.enum ?? [];
 }
 
-/** @param {"prediction" | "mobility" | "drive"} question */
-async function schemaOf(question) {
+/**
+ * What may be asked, as a JSON schema.
+ * @param {"prediction" | "mobility" | "drive" | "upload" | "training"} question
+ * @returns {Promise<any>}
+ */
+export async function schemaOf(question) {
   schemas ??= askJson("page/fields.json");
   schemas.catch(() => { schemas = undefined; }); // asked anew, the next time
   return (await schemas)[question];

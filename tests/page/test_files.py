@@ -98,6 +98,13 @@ def test_the_ranges_are_those_of_the_api(service):
             told = fields[name]["properties"][parameter["name"]]
             for bound in ("minimum", "maximum"):
                 assert told.get(bound) == parameter["schema"].get(bound)
+    upload = document["paths"]["/v1/admin/datasets"]["post"]["requestBody"]["content"]["multipart/form-data"]["schema"]
+    assert fields["upload"]["properties"].keys() == upload["properties"].keys() - {"file", "dry_run"}
+    training = document["components"]["schemas"]["TrainingJobRequest"]["properties"]
+    assert fields["training"]["properties"].keys() == training.keys()
+    assert {name: told.get("enum") for name, told in fields["training"]["properties"].items()} == {
+        name: told.get("enum") for name, told in training.items()
+    }
 
 
 def test_behind_a_proxy_with_a_prefix_every_address_is_relative():

@@ -19,11 +19,14 @@ PASSPORT = b"""{"format": "rover-twin-passport/1", "gravity_m_s2": 1.62, "frame"
 "reference_body": "rear left wheel", "rover": {"wheel_radius_m": %s}}"""
 
 
-def put_dataset(store: ModelStore, name: str, runs: list[Run], wheel_radius_m: float = 0.25) -> str:
+def put_dataset(
+    store: ModelStore, name: str, runs: list[Run], wheel_radius_m: float = 0.25, description: str = ""
+) -> str:
     dataset = Dataset(name, parse_passport(PASSPORT % str(wheel_radius_m).encode()), tuple(runs))
     identity = dataset_id(dataset)
     files = {RUNS_FILE: to_parquet(dataset), PASSPORT_FILE: dataset.passport.canonical_json().encode()}
-    draft = DatasetDraft(name=name, created_by="a test", summary=summarise(dataset).as_json())
+    summary = summarise(dataset).as_json()
+    draft = DatasetDraft(name=name, created_by="a test", summary=summary, description=description)
     return store.put_dataset(identity, files, draft).id
 
 

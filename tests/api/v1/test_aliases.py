@@ -194,6 +194,21 @@ def test_rollback_undoes_one_version_change_after_the_other(admin, three):
 
 
 @pytest.mark.slow
+def test_who_reads_an_alias_knows_where_a_rollback_goes(admin, three):
+    for version in (*three, 1):
+        move(admin, version, **({"If_Match": "*"} if admin.store.aliases("viper-lunar") else {}))
+
+    goes_to = []
+    while (now := admin.get(CHAMPION).json())["previous_seq"] is not None:
+        history = {each["seq"]: each for each in admin.get(f"{CHAMPION}/history").json()["history"]}
+        assert history[now["seq"]] == now
+        goes_to.append(history[now["previous_seq"]]["version"])
+        assert roll_back(admin, If_Match=f'"{now["seq"]}"').json()["version"] == goes_to[-1]
+    assert goes_to == [3, 2, 1]
+    assert roll_back(admin, If_Match="*").status_code == 409
+
+
+@pytest.mark.slow
 def test_a_rollback_has_the_preconditions_of_a_move(admin, three):
     move(admin, 1)
     move(admin, 2, If_Match='"1"')

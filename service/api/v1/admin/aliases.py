@@ -53,6 +53,9 @@ class AliasAnswer(BaseModel):
     time: datetime
     actor: str
     reason: str
+    previous_seq: Annotated[
+        int | None, Field(description="The move that a rollback from here goes back to; null when there is none.")
+    ] = None
 
 
 class AliasesAnswer(BaseModel):
@@ -287,6 +290,4 @@ def _roll_back(store: ModelStore, condition: _Condition, actor: str, reason: str
 
 
 def _answer(record: AliasRecord) -> AliasAnswer:
-    return AliasAnswer(
-        version=record.version, seq=record.seq, time=record.time, actor=record.actor, reason=record.reason
-    )
+    return AliasAnswer.model_validate(record, from_attributes=True)
