@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import subprocess
 import tarfile
 import zipfile
@@ -182,3 +183,16 @@ def test_a_misspelt_field_of_a_passport_is_told(typed, meant):
 @pytest.mark.parametrize("name", ["notes", "author", "chrono_version", "solver", "step_s", "date"])
 def test_fields_of_its_own_are_no_mistake(name):
     assert list(check_passport(parse_passport(json.dumps(PASSPORT | {name: 1}).encode()))) == []
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("name", ["runs.csv", "passport.json"])
+def test_a_pipe_in_a_folder_is_not_waited_for(name, tmp_path):
+    for other, data in FILES.items():
+        if other != name:
+            (tmp_path / other).parent.mkdir(exist_ok=True)
+            (tmp_path / other).write_bytes(data)
+    os.mkfifo(tmp_path / name)
+
+    with pytest.raises(DatasetError, match=f"{name} in the dataset's folder is no plain file"):
+        read_folder(tmp_path)

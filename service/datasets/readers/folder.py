@@ -212,6 +212,8 @@ def _parquet(path: Path, file: str, max_bytes: int) -> Table:
 def _read_small(path: Path, max_bytes: int, *, needed: bool = True) -> bytes | None:
     if not needed and not path.exists():
         return None
+    if path.exists() and not path.is_file():  # to open a pipe is to wait for who writes into it
+        raise DatasetError(f"{path.name} in the dataset's folder is no plain file")
     try:
         with path.open("rb") as stream:
             return stream.read(max_bytes + 1)

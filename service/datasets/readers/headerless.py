@@ -9,7 +9,7 @@ import numpy as np
 from service.datasets.checks.labels import ABSURD, can_be_compared, mean_rates
 from service.datasets.findings import Code, Finding, UnusableFileError, reject
 from service.datasets.readers.presets import DEMOS, Demo
-from service.datasets.readers.recognise import candidates, places
+from service.datasets.readers.recognise import candidates, nothing_to_learn, places
 from service.datasets.readers.table import Array, Table
 
 _WINDOW_S = 0.05
@@ -28,11 +28,7 @@ def with_suggestion(table: Table, faults: Sequence[Finding]) -> list[Finding]:
         return list(faults)
     likely = [key for key in presets if _fits(DEMOS[key], columns)]
     told = [f"if they are those of {DEMOS[key].program}, pass column_map={key}" for key in likely]
-    told += [
-        f"if they are {each.what}, as {each.program} writes, nothing can be learned from them, for they have no "
-        f"position of the rover; {each.add}"
-        for each in silent
-    ]
+    told += [f"if they are {nothing_to_learn(each)}" for each in silent]
     if not told:
         return list(faults)
     message = f"{table.width} columns without a header: {'; or: '.join(told)}"

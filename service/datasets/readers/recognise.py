@@ -77,8 +77,8 @@ def told_by_header(names: Sequence[str]) -> str | None:
 
 def nothing_to_learn(silent: Silent) -> str:
     """Why nothing can be learned from such a file, and what to write as well."""
-    why = "have no position of the rover: nothing can be learned from them"
-    return f"{silent.what}, as {silent.program} writes, {why}; {silent.add}"
+    why = "nothing can be learned from them, for they have no position of the rover"
+    return f"{silent.what}, as {silent.program} writes: {why}; {silent.add}"
 
 
 def candidates(width: int) -> tuple[list[str], list[Silent]]:
