@@ -3,7 +3,7 @@
 
 /** @typedef {{view: string, query: URLSearchParams}} State */
 
-const FIRST_VIEW = "slope";
+const FIRST_VIEW = "drive";
 
 /** @type {Map<string, string>} the last question of each view */
 const last = new Map();

@@ -42,6 +42,12 @@ def commands() -> list[str]:
     return [line for line in lines if not line.startswith(" ")]
 
 
+def first_results() -> list[str]:
+    """Commands of docs/quickstart.md that end by themselves and need nothing but the service of `make run`."""
+    lines = re.findall(r"^    (.*)$", (ROOT / "docs/quickstart.md").read_text(), re.MULTILINE)
+    return [line for line in lines if line.startswith((".venv/bin/rover-twin ", "curl -o", "curl -OJ"))]
+
+
 def is_finite_command(command: str) -> bool:
     """A command of the program that ends by itself."""
     return command.startswith(".venv/bin/rover-twin ") and " serve " not in command
@@ -131,6 +137,10 @@ def test_the_readme_holds(clone):
                 assert [each["event"] for each in answer["events"]] == ["passes", "arrives"]
             else:
                 assert all(25 < slope < 33 for slope in answer["steepest_climb_slope_deg"])
+        assert "<title>" in run("curl --fail --silent http://127.0.0.1:8000/", clone)
+        assert len([run(command, clone) for command in first_results()]) == 3
+        made = [*clone.glob("map.svg"), *clone.glob("rover.usda"), *clone.glob("*.fmu")]
+        assert len([file for file in made if file.stat().st_size > 10_000]) == 3
         run(".venv/bin/pip install --quiet --constraint constraints.txt ./clients/python", clone)
         asked, stepped = [block.text for block in blocks if block.language == "python"]
         (clone / "ask.py").write_text(asked)
