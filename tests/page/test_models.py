@@ -164,6 +164,8 @@ def test_a_token_that_may_only_read_is_told_so(open_at, serve, store, publish, m
     seen.forgiven = ("401", "403")
     page = seen.go("#models?show=data")
     enter(page, token)
+    page.wait_for_selector(READY["data"])  # it may look
+    page.set_input_files("#upload-file", {"name": "a.zip", "mimeType": "application/zip", "buffer": archive(1)})
     page.locator('[data-refused="insufficient-scope"]').wait_for()
 
     assert "This token may only read" in page.locator("main").inner_text()

@@ -100,7 +100,7 @@ def test_the_keyboard_alone_gets_from_the_first_link_to_a_view(seen):
     page.keyboard.press("Enter")
     page.wait_for_selector('.view[data-view="mobility"] h1')
 
-    assert page.evaluate("document.activeElement.id") == "main"
+    page.locator("#main:focus").wait_for()
 
 
 def test_where_a_token_is_needed_the_page_asks_for_it_and_keeps_it_nowhere(open_at, serve, store, publish, move):
