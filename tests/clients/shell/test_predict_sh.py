@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / "clients" / "curl" / "predict.sh"
+SCRIPT = Path(__file__).parents[3] / "clients" / "curl" / "predict.sh"
 
 pytestmark = [
     pytest.mark.processes,

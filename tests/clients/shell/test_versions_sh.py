@@ -13,7 +13,7 @@ import pytest
 
 from tests.api.conftest import TOKEN, Running, move_alias, publish_version, serving
 
-SCRIPT = Path(__file__).parents[2] / "clients" / "curl" / "versions.sh"
+SCRIPT = Path(__file__).parents[3] / "clients" / "curl" / "versions.sh"
 pytestmark = [
     pytest.mark.processes,
     pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed"),

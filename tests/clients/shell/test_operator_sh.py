@@ -14,7 +14,7 @@ import pytest
 from tests.api.chrono_uploads import archive
 from tests.api.conftest import TOKEN, Running, move_alias, publish_version, serving
 
-SCRIPT = Path(__file__).parents[2] / "clients" / "curl" / "operator.sh"
+SCRIPT = Path(__file__).parents[3] / "clients" / "curl" / "operator.sh"
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 pytestmark = [
     pytest.mark.processes,

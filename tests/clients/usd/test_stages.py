@@ -18,7 +18,7 @@ from rover_twin_usd import showing, stages
 from rover_twin_usd.failures import StageError
 from rover_twin_usd.motion import Motion
 from rover_twin_usd.standing import AXES, Standing, Wishes, standing
-from tests.clients.usd_stages import OPERATIONS, PARENTS, ROVER, answers, stage_in
+from tests.clients.usd.stages import OPERATIONS, PARENTS, ROVER, answers, stage_in
 
 EXACT_M = 1e-6
 STAGES = [("Z", 1.0), ("Y", 0.01), ("Y", 1.0), ("Z", 0.0254)]

@@ -20,7 +20,7 @@ import rover_twin_usd
 from rover_twin_usd.command import _parser, main
 from service.wire.stage_inputs import FleetInputs
 from tests.api.conftest import Running, serving
-from tests.clients.usd_stages import ROVER, stage_in
+from tests.clients.usd.stages import ROVER, stage_in
 
 TRACK = {"distance_m": [0, 3, 6], "slope_deg": [5, 15, 8]}
 DRIVE = {"mass_kg": 430, "track": TRACK, "controls": 90, "horizon_s": 8, "dt_s": 0.1}
@@ -173,7 +173,7 @@ def test_a_file_that_is_no_stage_is_said(served, tmp_path, capsys):
 
 @pytest.mark.parametrize("page", ["docs/omniverse.md", "clients/omniverse/README.md"])
 def test_the_pages_show_commands_that_there_are(page):
-    text = (Path(__file__).parents[2] / page).read_text()
+    text = (Path(__file__).parents[3] / page).read_text()
     commands = [shlex.split(line)[1:] for line in text.splitlines() if line.startswith("rover-twin-usd ")]
 
     assert len(commands) >= 2
@@ -184,13 +184,13 @@ def test_the_pages_show_commands_that_there_are(page):
 
 
 def test_the_page_has_every_parameter_of_the_form():
-    text = (Path(__file__).parents[2] / "docs" / "omniverse.md").read_text()
+    text = (Path(__file__).parents[3] / "docs" / "omniverse.md").read_text()
 
     assert re.findall(r"^\| `([a-z_]+)` \|", text, re.MULTILINE) == list(FleetInputs.model_fields)
 
 
 def test_what_kit_reads_is_there():
-    folder = Path(__file__).parents[2] / "clients" / "omniverse"
+    folder = Path(__file__).parents[3] / "clients" / "omniverse"
     described = tomllib.loads((folder / "config" / "extension.toml").read_text())
     packaged = tomllib.loads((folder / "pyproject.toml").read_text())
 

@@ -12,7 +12,7 @@ import pytest
 
 from tests.clients.test_driving import free_port, serving
 
-REPOSITORY = Path(__file__).parents[2]
+REPOSITORY = Path(__file__).parents[3]
 pytestmark = [
     pytest.mark.processes,
     pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed"),
