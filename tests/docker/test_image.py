@@ -25,6 +25,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import httpx
 import pytest
 
 from rover_twin_client import RoverTwin
@@ -158,6 +159,12 @@ def test_a_healthy_container_predicts_with_the_shipped_model(container: Containe
     assert prediction.model.name == "viper-lunar"
     assert prediction.time_s[-1] == 10.0
     assert prediction.summary.final_x_m == pytest.approx(prediction.x_m[-1])
+
+
+def test_the_page_is_in_the_image(container: Container) -> None:
+    for path in ("/", "/page/main.js", "/page/vendor/uPlot.iife.min.js"):
+        answer = httpx.get(container.url + path, headers={"Accept": "text/html"}, trust_env=False)
+        assert answer.status_code == 200, path
 
 
 def test_it_is_not_root_and_has_no_rights_to_become_it(tool: Tool, container: Container) -> None:
