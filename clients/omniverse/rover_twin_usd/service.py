@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import http.client
 import json
 import os
 import urllib.error
@@ -47,16 +48,26 @@ class Service:
     def _lines(self, path: str, question: Question) -> list[dict[str, Any]]:
         if path.endswith("/batch"):
             lines = self._post(path, question, {"format": "ndjson"}).splitlines()
-            return [json.loads(line) for line in lines if line]
-        answer: dict[str, Any] = json.loads(self._post(path, question, {"format": "json"}))
-        return [answer]
+            return [self._read(line) for line in lines if line]
+        return [self._read(self._post(path, question, {"format": "json"}))]
+
+    def _read(self, text: bytes) -> dict[str, Any]:
+        try:
+            answer = json.loads(text)
+        except ValueError:
+            answer = None
+        if not isinstance(answer, dict):
+            raise ServiceError(f"what answers at {self.address} is not the twin's service")
+        return answer
 
     def _post(self, path: str, question: Question, query: Mapping[str, object]) -> bytes:
         base = self.address.rstrip("/").removesuffix("/v1")
-        if urllib.parse.urlsplit(base).scheme not in ("http", "https"):
+        if not base.startswith(("http://", "https://")):
             raise ServiceError(f"the service's address is {self.address!r}; it begins with http:// or https://")
         headers = {"Content-Type": "application/json"}
-        if token := os.environ.get(TOKEN_VARIABLE):
+        if token := os.environ.get(TOKEN_VARIABLE, "").strip():
+            if not (token.isascii() and token.isprintable()):
+                raise ServiceError(f"{TOKEN_VARIABLE} has a line end or another sign in it that no token has")
             headers["Authorization"] = f"Bearer {token}"
         address = f"{base}{path}?{urllib.parse.urlencode(query)}"
         body = json.dumps(question).encode()
@@ -66,7 +77,7 @@ class Service:
                 content: bytes = answer.read()
         except urllib.error.HTTPError as error:
             raise ServiceError(f"the service refuses: {_detail(error)}") from error
-        except OSError as error:
+        except (OSError, ValueError, http.client.HTTPException) as error:
             raise ServiceError(f"no answer from {base}: {error}. Does the service run there?") from error
         return content
 

@@ -6,11 +6,13 @@ stands is moved into a second layer beside, since a file is stronger than all th
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom
 
 from rover_twin_usd.authoring import Clock, author, targets
 from rover_twin_usd.failures import StageError
@@ -22,8 +24,10 @@ EXACT_M = 1e-6
 
 
 def clock_of(stage: Usd.Stage, start_s: float = 0.0) -> Clock:
-    """The stage's own time codes; the drive begins so many seconds after the stage does."""
+    """The stage's own time codes; the drive begins so many seconds after the stage does. Raises StageError."""
     per_second = stage.GetTimeCodesPerSecond()
+    if not 0.0 < per_second < math.inf:
+        raise StageError(f"timeCodesPerSecond of the stage is {per_second:g}, allowed is a number above 0")
     return Clock(stage.GetStartTimeCode() + start_s * per_second, per_second)
 
 
@@ -64,41 +68,94 @@ def above(layer: Sdf.Layer, stage: Usd.Stage, file: Path) -> None:
         layer.pseudoRoot.SetInfo("kilogramsPerUnit", source.pseudoRoot.GetInfo("kilogramsPerUnit"))
 
 
-def into_file(stage: Usd.Stage, motion: Path, drives: Drives, clock: Clock) -> list[str]:
-    """Include the saved layer `motion` in the user's file, and save that. Returns what was done to it.
-
-    Raises StageError, and leaves the file as it was, where the rovers are not moved as they should be.
-    """
+def leave_out(stage: Usd.Stage, motion: Path) -> None:
+    """Read a stage without the motion that was put into its file before: its rover stands where it stood."""
     root = stage.GetRootLayer()
-    done = [f"{root.GetDisplayName()} includes {motion.name} now"]
+    name = _beside(motion, Path(root.realPath))
+    if name in root.subLayerPaths and (layer := Sdf.Layer.FindRelativeToLayer(root, name)):
+        stage.MuteLayer(layer.identifier)
+
+
+def into_new(stage: Usd.Stage, layer: Sdf.Layer, file: Path, drives: Drives, clock: Clock, *, alone: bool) -> float:
+    """Save a motion at `file`, above the user's stage or `alone`. Returns the largest distance, as `require_exact`.
+
+    Raises StageError, and `file` is as it was: what fails the check, or cannot be written, never has that name.
+    """
+    stage.GetSessionLayer().Clear()
+    if not alone:
+        above(layer, stage, file)
+    with _written(layer, file) as written:
+        if not alone:
+            return require_exact(Usd.Stage.Open(str(written)), drives, clock)
+        into_session(stage, Sdf.Layer.FindOrOpen(str(written)), drives, clock)
+        worst = require_exact(stage, drives, clock)
+        stage.GetSessionLayer().Clear()
+        return worst
+
+
+def into_file(stage: Usd.Stage, layer: Sdf.Layer, file: Path, drives: Drives, clock: Clock) -> tuple[list[str], float]:
+    """Save a motion at `file`, and let the user's own file include it. Returns what was done, and as `require_exact`.
+
+    Raises StageError, and leaves all files as they were, where the rovers are not moved as they should be.
+    """
+    root, pose = stage.GetRootLayer(), file.with_suffix(f".before{file.suffix}")
     start, end = span(stage, drives, clock)
-    pose = motion.with_suffix(f".before{motion.suffix}")
-    kept = _layer(pose) if any(_own(root, rover.path) for rover, _ in drives) else None
+    names = [_beside(each, Path(root.realPath)) for each in (file, pose)]
+    kept = Sdf.Layer.CreateAnonymous()
+    moves = any(_own(root, rover.path) for rover, _ in drives)
+    if moves and names[1] in root.subLayerPaths:
+        kept.TransferContent(Sdf.Layer.FindOrOpen(str(pose)))
+    names = names if moves else names[:1]
+    others = [each for each in root.subLayerPaths if each not in names]
     with Sdf.ChangeBlock():
         for rover, _ in drives:
-            for name in _own(root, rover.path):
-                path = Sdf.Path(rover.path).AppendProperty(name)
-                Sdf.CreatePrimInLayer(kept, rover.path)
-                Sdf.CopySpec(root, path, kept, path)
-                prim = root.GetPrimAtPath(rover.path)
-                prim.RemoveProperty(root.GetPropertyAtPath(path))
-        layers = [motion, pose] if kept else [motion]
-        names = [_beside(each, Path(root.realPath)) for each in layers]
-        root.subLayerPaths = [*names, *(each for each in root.subLayerPaths if each not in names)]
-        root.startTimeCode, root.endTimeCode = start, end
+            _move(root, kept, rover.path)
+        root.subLayerPaths = [layer.identifier, *([kept.identifier] if moves else []), *others]
     try:
-        require_exact(stage, drives, clock)
+        worst = require_exact(stage, drives, clock)
     except StageError:
         root.Reload(force=True)
         raise
-    if kept:
+    done = [f"{root.GetDisplayName()} includes {file.name} now"]
+    if moves:
         for setting in (UsdGeom.Tokens.upAxis, UsdGeom.Tokens.metersPerUnit, "timeCodesPerSecond"):
             if root.pseudoRoot.HasInfo(setting):
                 kept.pseudoRoot.SetInfo(setting, root.pseudoRoot.GetInfo(setting))
-        kept.Save()
-        done.append(f"how the rover stood went to {pose.name}: take {motion.name} out, and it stands there again")
+        kept.customLayerData = {"roverTwin": {"before": file.name}}
+        with _written(kept, pose):
+            done.append(f"how the rover stood went to {pose.name}: take {file.name} out, and it stands there again")
+    with _written(layer, file):
+        pass
+    root.subLayerPaths = [*names, *others]
+    root.startTimeCode, root.endTimeCode = start, end
     root.Save()
-    return done
+    return done, worst
+
+
+def _move(root: Sdf.Layer, kept: Sdf.Layer, rover: str) -> None:
+    """What a layer itself says of where a rover stands goes to another one."""
+    for name in _own(root, rover):
+        path = Sdf.Path(rover).AppendProperty(name)
+        Sdf.CreatePrimInLayer(kept, rover)
+        Sdf.CopySpec(root, path, kept, path)
+        root.GetPrimAtPath(rover).RemoveProperty(root.GetPropertyAtPath(path))
+
+
+@contextmanager
+def _written(layer: Sdf.Layer, file: Path) -> Iterator[Path]:
+    """A layer in a file beside `file`, to look at; it gets that name when all went well. Raises StageError."""
+    beside = file.with_name(f".{file.stem}.{os.getpid()}{file.suffix}")
+    try:
+        try:
+            layer.Export(str(beside))
+        except Tf.ErrorException as error:
+            raise StageError(f"{file} cannot be written") from error
+        yield beside
+        beside.replace(file)
+    finally:
+        beside.unlink(missing_ok=True)
+    if known := Sdf.Layer.Find(str(file)):
+        known.Reload(force=True)
 
 
 def into_session(stage: Usd.Stage, layer: Sdf.Layer, drives: Drives, clock: Clock) -> None:
@@ -116,17 +173,17 @@ def require_exact(stage: Usd.Stage, drives: Drives, clock: Clock) -> float:
     worst = 0.0
     for rover, motion in drives:
         prim = stage.GetPrimAtPath(rover.path)
+        limit = max(EXACT_M, 1e-12 * rover.at.GetLength() * rover.meters_per_unit)
         for code, target in zip(clock.codes(motion.time_s), targets(rover, motion), strict=True):
             found = UsdGeom.XformCache(Usd.TimeCode(code)).GetLocalToWorldTransform(prim)
             ends = [rover.pivot, *(rover.pivot + each for each in _unit(rover))]
             wanted = [target.at, *(target.at + each * target.axes for each in _unit(rover))]
             for end, at in zip(ends, wanted, strict=True):
-                worst = max(worst, (found.TransformAffine(end) - at).GetLength() * rover.meters_per_unit)
-        far = max(rover.at.GetLength() * rover.meters_per_unit, 1.0)
-        if worst > max(EXACT_M, 1e-12 * far):
-            raise StageError(
-                f"{rover.path} is {worst:.3g} m away from where it should be: a stronger layer says otherwise"
-            )
+                distance = (found.TransformAffine(end) - at).GetLength() * rover.meters_per_unit
+                if not distance <= limit:  # this way round, since nothing is more than NaN
+                    why = "a stronger layer says otherwise" if math.isfinite(distance) else "its place is not finite"
+                    raise StageError(f"{rover.path} is {distance:.3g} m away from where it should be: {why}")
+                worst = max(worst, distance)
     return worst
 
 
@@ -135,17 +192,6 @@ def _unit(rover: Standing) -> Iterable[Gf.Vec3d]:
     for row in range(3):
         length = rover.level.GetRow(row).GetLength() * rover.meters_per_unit
         yield Gf.Vec3d(*(1.0 / length if at == row else 0.0 for at in range(3)))
-
-
-def empty_layer(file: Path) -> Sdf.Layer:
-    """A layer without anything, to be saved at `file`; whatever is there goes."""
-    layer = _layer(file)
-    layer.Clear()
-    return layer
-
-
-def _layer(file: Path) -> Sdf.Layer:
-    return Sdf.Layer.FindOrOpen(str(file)) if file.exists() else Sdf.Layer.CreateNew(str(file))
 
 
 def _own(layer: Sdf.Layer, path: str) -> list[str]:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom
 
 from rover_twin_usd.failures import StageError
 
@@ -62,6 +62,8 @@ def require_rover(stage: Usd.Stage, path: str) -> Usd.Prim:
         raise StageError(f"there is no prim {path!r} on the stage; prims that can be moved: {some}")
     if prim.IsInstanceProxy() or prim.IsInPrototype():
         raise StageError(f"{path} is inside an instance and cannot be moved alone; name the instance itself")
+    if not prim.IsActive() or prim.IsAbstract():
+        raise StageError(f"{path} is {'a class' if prim.IsActive() else 'inactive'}: nothing of it is on the stage")
     if not UsdGeom.Xformable(prim):
         raise StageError(f"{path} is a {prim.GetTypeName() or 'prim without type'}, which cannot be moved")
     return prim
@@ -80,18 +82,22 @@ def standing(stage: Usd.Stage, path: str, time: Usd.TimeCode, wishes: Wishes) ->
         raise StageError(f"the axis that looks ahead is {wishes.forward!r}, allowed is one of {', '.join(AXES)}")
     world = UsdGeom.XformCache(time).GetLocalToWorldTransform(prim)
     axes = linear(world)
+    if not all(math.isfinite(each) for row in world for each in row):
+        raise StageError(f"{path} is placed with numbers that are not finite")
     if abs(axes.GetDeterminant()) < 1e-30:
         raise StageError(f"{path} is scaled to nothing")
     meters = UsdGeom.GetStageMetersPerUnit(stage)
-    up = Gf.Vec3d.ZAxis() if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else Gf.Vec3d.YAxis()
+    up = stage_up(stage)
     own_up = max(AXES, key=lambda name: Gf.Dot((AXES[name] * axes).GetNormalized(), up))
     if wishes.forward.strip("-") == own_up.strip("-"):
         raise StageError(f"the rover's {wishes.forward} points up or down: name another axis as --forward")
     level, ahead = _levelled(axes, AXES[own_up], AXES[wishes.forward], up, wishes.heading_deg)
     if wishes.pivot is None:
-        pivot, notes = _guessed_pivot(prim, time, (wishes.forward, own_up), axes, meters)
+        pivot, notes = _guessed_pivot(_box(stage, path, time), (wishes.forward, own_up), axes, meters)
     else:
         pivot, notes = Gf.Vec3d(*wishes.pivot), []
+    if UsdGeom.Imageable(prim).ComputeVisibility(time) == UsdGeom.Tokens.invisible:
+        notes = [*notes, "the rover is invisible on this stage"]
     return Standing(
         path=path,
         meters_per_unit=meters,
@@ -110,28 +116,59 @@ def linear(matrix: Gf.Matrix4d) -> Gf.Matrix3d:
     return Gf.Matrix3d(*(matrix[row][column] for row in range(3) for column in range(3)))
 
 
+def stage_up(stage: Usd.Stage) -> Gf.Vec3d:
+    """The direction that is up on a stage."""
+    return Gf.Vec3d.ZAxis() if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z else Gf.Vec3d.YAxis()
+
+
+def heading_turn(up: Gf.Vec3d, ahead: Gf.Vec3d, heading_deg: float) -> Gf.Matrix3d:
+    """What turns a rover that looks `ahead` (level) to a heading, from X counterclockwise as seen from above."""
+    return _turn(up, ahead, Gf.Vec3d.XAxis() * Gf.Matrix3d(Gf.Rotation(up, heading_deg)))
+
+
+def _turn(up: Gf.Vec3d, start: Gf.Vec3d, end: Gf.Vec3d) -> Gf.Matrix3d:
+    """The rotation about `up` from one level direction to another."""
+    angle = math.degrees(math.atan2(Gf.Dot(Gf.Cross(start, end), up), Gf.Dot(start, end)))
+    return Gf.Matrix3d(Gf.Rotation(up, angle))
+
+
 def _levelled(
     axes: Gf.Matrix3d, own_up: Gf.Vec3d, forward: Gf.Vec3d, up: Gf.Vec3d, heading_deg: float | None
 ) -> tuple[Gf.Matrix3d, Gf.Vec3d]:
-    """The axes without roll and pitch, turned to the heading if there is one; and where the rover looks then."""
+    """The axes without roll and pitch, turned to the heading if there is one; and where the rover looks then.
+
+    Without a heading it looks where it looked: taking out roll and pitch together turns a rover, so it is turned back.
+    """
     level = axes * Gf.Matrix3d(Gf.Rotation((own_up * axes).GetNormalized(), up))
-    ahead = forward * level
-    ahead = (ahead - up * Gf.Dot(ahead, up)).GetNormalized()
-    if heading_deg is None:
-        return level, ahead
-    east = Gf.Vec3d.XAxis()
-    north = Gf.Cross(up, east)
-    now = math.degrees(math.atan2(Gf.Dot(ahead, north), Gf.Dot(ahead, east)))
-    turn = Gf.Matrix3d(Gf.Rotation(up, heading_deg - now))
-    return level * turn, (ahead * turn).GetNormalized()
+    looked, looks = _flat(forward * axes, up), _flat(forward * level, up)
+    turn = _turn(up, looks, looked) if heading_deg is None else heading_turn(up, looks, heading_deg)
+    return level * turn, (looks * turn).GetNormalized()
+
+
+def _flat(way: Gf.Vec3d, up: Gf.Vec3d) -> Gf.Vec3d:
+    return (way - up * Gf.Dot(way, up)).GetNormalized()
+
+
+def _box(stage: Usd.Stage, path: str, time: Usd.TimeCode) -> Gf.Range3d:
+    """The box of what is drawn, along the asset's own axes.
+
+    USD measures along other axes first where the prim is turned, and its box grows. So the rover is measured without
+    any operations: on a stage of its own, above the same layers.
+    """
+    plain = Sdf.Layer.CreateAnonymous()
+    plain.subLayerPaths = [stage.GetSessionLayer().identifier] if stage.GetSessionLayer() else []
+    prim, kind = Sdf.CreatePrimInLayer(plain, path), Sdf.ValueTypeNames.TokenArray
+    Sdf.AttributeSpec(prim, "xformOpOrder", kind, Sdf.VariabilityUniform).default = ["!resetXformStack!"]
+    alone = Usd.Stage.OpenMasked(stage.GetRootLayer(), plain, Usd.StagePopulationMask([path]))
+    shown = [UsdGeom.Tokens.default_, UsdGeom.Tokens.render, UsdGeom.Tokens.proxy]
+    cache = UsdGeom.BBoxCache(time, shown, useExtentsHint=True)
+    return cache.ComputeUntransformedBound(alone.GetPrimAtPath(path)).ComputeAlignedRange()
 
 
 def _guessed_pivot(
-    prim: Usd.Prim, time: Usd.TimeCode, names: tuple[str, str], axes: Gf.Matrix3d, meters: float
+    box: Gf.Range3d, names: tuple[str, str], axes: Gf.Matrix3d, meters: float
 ) -> tuple[Gf.Vec3d, list[str]]:
     """Where the rear axle is if the asset is a VIPER that fills its box: in the asset's own coordinates."""
-    shown = [UsdGeom.Tokens.default_, UsdGeom.Tokens.render, UsdGeom.Tokens.proxy]
-    box = UsdGeom.BBoxCache(time, shown, useExtentsHint=True).ComputeUntransformedBound(prim).ComputeAlignedRange()
     if box.IsEmpty():
         return Gf.Vec3d(0.0), ["nothing is drawn below the rover: its zero is taken for the middle of the rear axle"]
     forward, up = (AXES[name] for name in names)

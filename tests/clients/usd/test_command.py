@@ -17,7 +17,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 
 import model_store
 import rover_twin_usd
-from rover_twin_usd.command import _parser, main
+from rover_twin_usd.command import main
+from rover_twin_usd.options import parser
 from service.wire.stage_inputs import FleetInputs
 from tests.api.conftest import Running, serving
 from tests.clients.usd.stages import ROVER, stage_in
@@ -129,7 +130,7 @@ def test_a_stage_without_a_rover_gets_one(served, tmp_path, up_axis, meters_per_
     answer = served.client.post("/v1/drives", json={**DRIVE, "frame": "world"}).json()["trajectory"]
     x, ahead, up = 1.0, answer["x_m"][-1], answer["z_m"][-1]
     expected = [x, 2 + ahead, 3 + up] if up_axis == "Z" else [x, 2 + up, 3 - ahead]
-    found = at(stage, "/RoverTwin", stage.GetTimeCodesPerSecond() * 8).ExtractTranslation()
+    found = at(stage, "/RoverTwin", 1 + stage.GetTimeCodesPerSecond() * 8).ExtractTranslation()
     assert list(found) == pytest.approx([each / meters_per_unit for each in expected], abs=1e-6 / meters_per_unit)
     assert stage.GetPrimAtPath("/RoverTwin/Shape/FrontLeft")
     assert stage.GetPrimAtPath(ROVER)
@@ -178,9 +179,9 @@ def test_the_pages_show_commands_that_there_are(page):
 
     assert len(commands) >= 2
     for each in commands:
-        _parser().parse_args(each)
+        parser().parse_args(each)
     for option in re.findall(r"`(--[a-z-]+)`", text):
-        assert option in _parser().format_help() or option == "--usd"
+        assert option in parser().format_help() or option == "--usd"
 
 
 def test_the_page_has_every_parameter_of_the_form():

@@ -43,13 +43,10 @@ def moved(file: Path, answer: dict, wishes: Wishes, output: Path) -> tuple[Usd.S
     stage, motion = Usd.Stage.Open(str(file)), Motion.of(answer)
     clock = stages.clock_of(stage)
     rover = standing(stage, ROVER, Usd.TimeCode(clock.first), wishes)
-    layer = stages.empty_layer(output)
+    layer = Sdf.Layer.CreateAnonymous()
     notes = stages.write(layer, stage, [(rover, motion)], clock)
-    stages.above(layer, stage, output)
-    layer.Save()
-    opened = Usd.Stage.Open(str(output))
-    stages.require_exact(opened, [(rover, motion)], clock)
-    return opened, rover, notes
+    stages.into_new(stage, layer, output, [(rover, motion)], clock, alone=False)
+    return Usd.Stage.Open(str(output)), rover, notes
 
 
 def require_moved(before: Gf.Matrix4d, stage: Usd.Stage, answer: dict, wishes: Wishes, pivot: Gf.Vec3d) -> None:
@@ -200,11 +197,10 @@ def test_in_place_the_files_say_the_same_again_without_the_drive(tmp_path):
     stage, motion = Usd.Stage.Open(str(file)), Motion.of(answers()["drive"])
     before, clock = world(stage, 1), stages.clock_of(stage)
     rover = standing(stage, ROVER, Usd.TimeCode(1), Wishes())
-    layer = stages.empty_layer(tmp_path / "drive.usda")
+    layer = Sdf.Layer.CreateAnonymous()
     stages.write(layer, stage, [(rover, motion)], clock)
-    layer.Save()
 
-    stages.into_file(stage, tmp_path / "drive.usda", [(rover, motion)], clock)
+    stages.into_file(stage, layer, tmp_path / "drive.usda", [(rover, motion)], clock)
     stages.require_exact(Usd.Stage.Open(str(file)), [(rover, motion)], clock)
     require_moved(before, Usd.Stage.Open(str(file)), answers()["drive"], Wishes(), rover.pivot)
 
