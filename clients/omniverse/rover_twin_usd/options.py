@@ -158,7 +158,7 @@ def question_of(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _number(low: float, high: float) -> Callable[[str], float]:
-    allowed = f"a number from {low:g} to {high:g}" if math.isfinite(high) else "a finite number"
+    allowed = f"a number from {low:.0f} to {high:.0f}" if math.isfinite(high) else "a finite number"
 
     def read(text: str) -> float:
         try:

@@ -71,8 +71,8 @@ class Service:
             headers["Authorization"] = f"Bearer {token}"
         address = f"{base}{path}?{urllib.parse.urlencode(query)}"
         body = json.dumps(question).encode()
-        request = urllib.request.Request(address, body, headers)  # noqa: S310 - the scheme was looked at
         try:
+            request = urllib.request.Request(address, body, headers)  # noqa: S310 - the scheme was looked at
             with urllib.request.urlopen(request, timeout=_LONGEST_S) as answer:  # noqa: S310
                 content: bytes = answer.read()
         except urllib.error.HTTPError as error:

@@ -9,6 +9,7 @@ from typing import Any
 from pxr import Sdf, Usd
 
 from rover_twin_usd import stages
+from rover_twin_usd.failures import StageError
 from rover_twin_usd.motion import Motion
 from rover_twin_usd.standing import Wishes, require_rover, standing
 
@@ -39,7 +40,11 @@ def show(stage: Usd.Stage, path: str, answer: dict[str, Any], wishes: Wishes = U
     layer = Sdf.Layer.CreateAnonymous(_LAYER)
     notes = [*rover.notes, *stages.write(layer, stage, [(rover, motion)], clock)]
     stages.into_session(stage, layer, [(rover, motion)], clock)
-    worst = stages.require_exact(stage, [(rover, motion)], clock)
+    try:
+        worst = stages.require_exact(stage, [(rover, motion)], clock)
+    except StageError:
+        hide(stage)
+        raise
     codes = clock.codes(motion.time_s)
     notes += [f"{name} {value}" for name, value in motion.labels.items()]
     return Shown(codes[0], codes[-1], clock.per_second, [*notes, f"within {worst:.1g} m of the answer"])

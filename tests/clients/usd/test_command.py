@@ -5,49 +5,24 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import shutil
 import sys
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
-import model_store
 import rover_twin_usd
-from rover_twin_usd.command import main
 from rover_twin_usd.options import parser
 from service.wire.stage_inputs import FleetInputs
-from tests.api.conftest import Running, serving
+from tests.clients.usd.serving import DRIVE, SCENARIO, at, run
 from tests.clients.usd.stages import ROVER, stage_in
-
-TRACK = {"distance_m": [0, 3, 6], "slope_deg": [5, 15, 8]}
-DRIVE = {"mass_kg": 430, "track": TRACK, "controls": 90, "horizon_s": 8, "dt_s": 0.1}
-SCENARIO = ["--slope-deg", "20", "--mass-kg", "430", "--torque-nm", "80"]
-
-
-@pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    folder = tmp_path_factory.mktemp("shipped")
-    shutil.copytree(Path(model_store.__file__).parent / "models", folder / "models")
-    with serving(folder) as running:
-        running.wait_ready()
-        yield running
 
 
 @pytest.fixture
 def site(tmp_path: Path) -> Path:
     return stage_in(tmp_path, "Y", 0.01)
-
-
-def run(served: Running, site: Path, *arguments: object) -> int:
-    return main([str(site), "--service", f"{served.url}/v1", *map(str, arguments)])
-
-
-def at(stage: Usd.Stage, path: str, code: float) -> Gf.Matrix4d:
-    return UsdGeom.XformCache(Usd.TimeCode(code)).GetLocalToWorldTransform(stage.GetPrimAtPath(path))
 
 
 def test_without_a_rover_it_lists_what_could_be_one(served, site, capsys):
@@ -97,6 +72,21 @@ def test_a_drive_from_a_file(served, site, tmp_path, where):
     assert run(served, site, "--prim", ROVER, "--question", question, "--output", output, "--force", *options) == 0
 
 
+def test_in_place_again_begins_where_the_rover_stood_before_the_first(served, site, tmp_path):
+    away, reference = ["--origin-m=5,6,7", "--heading-deg", "120"], tmp_path / "reference.usda"
+    assert run(served, site, "--prim", ROVER, *SCENARIO, "--output", reference) == 0
+    expected = [at(Usd.Stage.Open(str(reference)), ROVER, code) for code in (1, 601)]
+
+    assert run(served, site, "--prim", ROVER, *SCENARIO, *away, "--in-place") == 0
+    before = site.with_name("site.rover-twin.before.usda").read_bytes()
+    assert run(served, site, "--prim", ROVER, *SCENARIO, "--in-place", "--force") == 0
+
+    stage = Usd.Stage.Open(str(site))
+    for code, matrix in zip((1, 601), expected, strict=True):
+        np.testing.assert_allclose(np.array(at(stage, ROVER, code)), np.array(matrix), atol=1e-6)
+    assert site.with_name("site.rover-twin.before.usda").read_bytes() == before
+
+
 def test_a_fleet_has_a_prim_for_each_rover(served, tmp_path, capsys):
     site = stage_in(tmp_path, "Z", 1.0, "translate")
     text = site.read_text()
@@ -111,6 +101,8 @@ def test_a_fleet_has_a_prim_for_each_rover(served, tmp_path, capsys):
     heavier, lighter = (at(stage, path, 481).ExtractTranslation() for path in ("/World/Site/Second", ROVER))
     assert heavier[1] - lighter[1] == pytest.approx(5)
     assert heavier[0] != lighter[0]
+    outcomes = [line for line in capsys.readouterr().out.splitlines() if "outcome" in line]
+    assert [line.partition(":")[0] for line in outcomes] == [ROVER, "/World/Site/Second"]
 
     assert run(served, site, "--prim", ROVER, "--question", question, "--force") == 1
     assert "2 rovers, and 1 are named" in capsys.readouterr().err
