@@ -78,7 +78,7 @@ $(BIN)/python:
 	@PYTHON="$(PYTHON)" VENV="$(VENV)" sh .ci/make-venv
 
 $(VENV)/.runtime: $(BIN)/python pyproject.toml constraints.txt hatch_build.py $(wildcard service/learning/drive/native/*.[ch] service/fmu/native/*.[ch])
-	@echo "installing Rover Twin into $(VENV) (about a minute)"
+	@echo "installing Rover Twin into $(VENV) (some minutes)"
 	@$(PIP) --editable .
 	@touch $@
 

@@ -103,6 +103,7 @@ show() {
 }
 
 upload() { # FILE QUERY [CURL OPTIONS]
+    [ ! -d "$1" ] || complain "$1 is a directory; pack it first: tar -czf FILE.tar.gz $1" 2
     [ -r "$1" ] || complain "$1 cannot be read" 2
     case $1 in *[\;\,\"]*) complain "$1 has a character in its name that curl takes for its own" 2 ;; esac
     file=$1 query=$2
@@ -119,8 +120,14 @@ move() { # PATH BODY [CURL OPTIONS]: only if nobody moves champion meanwhile
 }
 
 follow() { # JOB
-    curl --config "$token" --silent --show-error --no-buffer --fail-with-body --connect-timeout 3 \
-        "$url/v1/admin/training-jobs/$1/events" >&2 || complain "the events of $1 broke off; the job goes on" 1
+    ask "v1/admin/training-jobs/$1" # says in one line what is wrong where there is no such job or no service
+    curl --config "$token" --silent --no-buffer --fail --connect-timeout 3 --dump-header "$head" \
+        "$url/v1/admin/training-jobs/$1/events" >&2 || {
+        code=$?
+        status=$(sed -n '1s/^[^ ]* \([0-9]*\).*/\1/p' "$head")
+        [ $code -ne 22 ] || complain "the service gave no events of $1 (HTTP $status)" 1
+        complain "the events of $1 broke off (exit code $code of curl); operator.sh jobs $1 says how it stands" 1
+    }
     ask "v1/admin/training-jobs/$1"
     show
     state=$(tr -d '\r\n' <"$answer" | sed -n 's/.*"state" *: *"\([a-z]*\)".*/\1/p')

@@ -13,6 +13,7 @@ from typer.main import get_command
 import service
 from service.cli.commands import (
     copy_store,
+    dataset_preview,
     datasets,
     evaluate,
     jobs,
@@ -77,6 +78,7 @@ app.command("evaluate")(evaluate.evaluate)
 app.command("reproduce")(reproduce.reproduce)
 app.command("suggest-runs")(suggest_runs.suggest_runs)
 app.add_typer(models.app)
+datasets.app.command("preview")(dataset_preview.preview_dataset)
 app.add_typer(datasets.app)
 app.add_typer(jobs.app)
 app.add_typer(tokens.app)

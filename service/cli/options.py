@@ -21,9 +21,19 @@ Store = Annotated[
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of text.")]
 
+
+def file_or_stdout(given: Path | None) -> Path | None:
+    """None, which is stdout, for `-` as well."""
+    return None if given == Path("-") else given
+
+
 Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write the answer to this file, not to stdout.")
-]
+    Path | None,
+    typer.Option(
+        "--output", "-o", metavar="FILE", callback=file_or_stdout,
+        help="Write the answer to this file, not to stdout; - is stdout.",
+    ),
+]  # fmt: skip
 
 Actor = Annotated[
     str | None,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from service.physics.scenario import Array
+from service.pictures.contours import name_contours
 from service.pictures.drawing import Drawing, dress
 from service.pictures.palette import CLIMBS, HATCH, INK, PAPER, SECOND, SLIDES, STALLS
 from service.pictures.report import Cell, Report, Section, Table, as_html
@@ -87,11 +88,6 @@ def _map(axes: Axes, found: MobilityMap) -> None:
                 _field(axes, slopes[[first, last]], torques[[row, row + 1]], zorder=2, **look)
     _names(axes, found)
     levels = [level for level in _SPEEDS_M_S if found.mean_speed_m_s.min() < level < found.mean_speed_m_s.max()]
-    if levels:
-        lines = axes.contour(
-            found.slope_deg, found.torque_nm, found.mean_speed_m_s, levels, colors=INK, linewidths=0.8, zorder=3
-        )
-        axes.clabel(lines, fontsize=7.5, fmt="%g m/s", inline_spacing=3)
     steepest = [np.nan if slope is None else slope for slope in found.steepest_climb_slope_deg]
     axes.plot(steepest, found.torque_nm, "-", color=PAPER, linewidth=5.0, zorder=4)
     axes.plot(steepest, found.torque_nm, "-", color=SECOND, linewidth=2.4, zorder=5, label=_confidence(found))
@@ -104,6 +100,11 @@ def _map(axes: Axes, found: MobilityMap) -> None:
     axes.grid(False)
     axes.set_xlim(slopes[0], slopes[-1])
     axes.set_ylim(torques[0], torques[-1])
+    if levels:  # last, for their names keep off what is there
+        lines = axes.contour(
+            found.slope_deg, found.torque_nm, found.mean_speed_m_s, levels, colors=INK, linewidths=0.8, zorder=3
+        )
+        name_contours(axes, lines, "m/s")
     _legend(axes, found)
 
 

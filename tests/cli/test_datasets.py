@@ -166,6 +166,20 @@ def test_a_figure_is_drawn_as_its_ending_says(store, tmp_path):
         assert (tmp_path / f"small.{ending}").read_bytes().startswith(magic)
 
 
+@pytest.mark.slow
+def test_a_preview_takes_the_options_of_other_pictures(store, tmp_path):
+    words = ("datasets", "preview", "small", "--store", store)
+    assert call(*words, tmp_path / "named.svg").code == 0
+    assert call(*words, "--format", "svg", "--output", tmp_path / "other").code == 0
+    assert call(*words, "-o", tmp_path / "ending.svg").code == 0
+    drawn = (tmp_path / "named.svg").read_text()
+    assert (tmp_path / "other").read_text() == (tmp_path / "ending.svg").read_text() == drawn
+    for to_stdout in ((), ("-",), ("--output", "-")):
+        assert call(*words, *to_stdout, "--format", "svg").out == drawn
+    for wrong in ((), ("-o", "-"), ("a.svg", "-o", "b.svg")):
+        assert call(*words, *wrong).code == ExitCode.USAGE
+
+
 def packed(folder, target):
     return shutil.make_archive(target, "zip", folder.parent, folder.name)
 

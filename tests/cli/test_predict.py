@@ -46,6 +46,13 @@ def test_files_and_pipes_take_every_form_of_the_server(serving, tmp_path, form):
         assert piped.stdout == theirs.content
 
 
+def test_a_minus_as_output_is_stdout(small_store, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ("predict", *SCENARIO, *_AT_ROVER, "--format", "csv", "--store", small_store)
+    assert call(*words, "--output", "-").out == call(*words).out
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_usd_layer_fits_a_stage_as_the_server_makes_it(serving, tmp_path):
     layout = {"prim_path": "/World/Rover", "origin_m": "1,2,3", "up_axis": "Y", "meters_per_unit": "0.01"}
     theirs = httpx.get(f"{serving.address}/v1/predictions", params={**_QUERY, **layout, "format": "usda"}, timeout=60)

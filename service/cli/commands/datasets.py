@@ -102,36 +102,6 @@ def show_dataset(dataset: Identity, store: options.Store = None, json: options.J
         print_answer(dataset_facts(record, names))
 
 
-@app.command("preview")
-def preview_dataset(
-    dataset: Identity,
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Figure to write; its ending says which: .svg, .png or .html.")
-    ],
-    store: options.Store = None,
-) -> None:
-    """Draw a dataset: the distance of every run over time, and where the scenarios lie.
-
-    Example:
-      rover-twin datasets preview paper paper.svg
-
-    The same as a page, with every run in a table:
-      rover-twin datasets preview paper paper.html
-    """
-    kind = file.suffix.lower().removeprefix(".")
-    if kind not in ("svg", "png", "html"):
-        raise UsageError(f"FILE is {file}, allowed is a name that ends in .svg, .png or .html")
-    from service.datasets import read_parquet
-    from service.training.dataset_figure import Origin, preview
-    from service.training.stored_dataset import RUNS_FILE
-
-    opened = open_store(store)
-    record = opened.dataset(dataset)
-    runs = opened.read_dataset_file(record.id, RUNS_FILE)
-    file.write_bytes(preview(read_parquet(runs, columns=()), kind=kind, origin=Origin.of(record)))
-    note(f"wrote {file}")
-
-
 @app.command("validate")
 def validate_runs(
     path: Annotated[

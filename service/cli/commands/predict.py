@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
@@ -68,9 +67,7 @@ def predict(
         ),
     ] = None,
     json: options.Json = False,
-    output: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the answer to this file instead of stdout.")
-    ] = None,
+    output: options.Output = None,
     store: options.Store = None,
 ) -> None:
     r"""Predict where the rover goes, without a server. The answer is the one that GET /v1/predictions gives.

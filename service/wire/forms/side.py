@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from service.physics.scenario import Array
 from service.pictures.drawing import dress
 from service.pictures.palette import FAINT, FIRST, INK, MARK, SHADE
 from service.wire.forms.subject import Side
@@ -47,36 +48,47 @@ def _limits(axes: Axes, side: Side, shape: float) -> int:
     """Limits that hold everything; the result is how many times heights are drawn larger than widths."""
     across = np.concatenate([side.ground_m[0], side.way_m[0]])
     up = np.concatenate([side.ground_m[1], side.way_m[1]])
-    width, height = float(np.ptp(across)) * (1 + 2 * _MARGIN), float(np.ptp(up)) + 4.0 * side.rover[2]
+    radius = side.rover[2]
+    width, height = float(np.ptp(across)) * (1 + 2 * _MARGIN), float(np.ptp(up)) + 4.0 * radius
     times = 1
     if height < _FLAT * width * shape:
         times = max(1, min(_MOST_TIMES, math.floor(_FILLED * width * shape / height)))
+    if times == 1:  # the rover is drawn, from its wheels to the top of its mast
+        outline = np.concatenate(_outline(side))
+        across, up = np.append(across, outline[:, 0]), np.append(up, outline[:, 1])
+        width, height = float(np.ptp(across)) * (1 + 2 * _MARGIN), float(np.ptp(up)) + 2.0 * radius
     shown = max(width * shape / times, height)
     width = max(width, shown * times / shape)
     middle = float(across.min() + across.max()) / 2
     below = min(_EARTH * shown, shown - height)
-    low = float(up.min()) - max(below, 0.0) - 0.5 * side.rover[2]
+    low = float(up.min()) - max(below, 0.0) - 0.5 * radius
     axes.set_xlim(middle - width / 2, middle + width / 2)
     axes.set_ylim(low, low + shown)
     return times
 
 
+def _outline(side: Side) -> tuple[Array, Array]:
+    """The body's corners and the mast's ends, (point, 2), metres."""
+    rear, front = (np.array(each) for each in side.rover[:2])
+    length = float(np.hypot(*(front - rear)))
+    ahead = (front - rear) / length
+    upward = np.array([-ahead[1], ahead[0]])
+    corners = ((-0.15, 0.2), (length + 0.15, 0.2), (length + 0.15, 0.85), (-0.15, 0.85))
+    mast = ((length - 0.1, 0.85), (length - 0.1, 1.35))
+    body, pole = (np.array([rear + x * ahead + z * upward for x, z in points]) for points in (corners, mast))
+    return body, pole
+
+
 def _rover(axes: Axes, side: Side) -> None:
-    """Two wheels and a body, where the drive ends; left out where it would be a speck."""
+    """Two wheels, a body and a mast, where the drive ends; left out where it would be a speck."""
     from matplotlib.patches import Circle, Polygon  # noqa: PLC0415 - as in `plot`
 
     rear, front, radius = (np.array(each) for each in side.rover)
-    ahead = front - rear
-    length = float(np.hypot(*ahead))
     low, high = axes.get_xlim()
-    if length < _SMALLEST_ROVER * (high - low):
+    if float(np.hypot(*(front - rear))) < _SMALLEST_ROVER * (high - low):
         return
-    ahead /= length
-    upward = np.array([-ahead[1], ahead[0]])
-    corners = ((-0.15, 0.2), (length + 0.15, 0.2), (length + 0.15, 0.85), (-0.15, 0.85))
-    body = [rear + along * ahead + above * upward for along, above in corners]
-    axes.add_patch(Polygon(np.array(body), closed=True, facecolor=SHADE, edgecolor=INK, linewidth=1.0, zorder=3))
-    mast = np.array([rear + (length - 0.1) * ahead + above * upward for above in (0.85, 1.35)])
+    body, mast = _outline(side)
+    axes.add_patch(Polygon(body, closed=True, facecolor=SHADE, edgecolor=INK, linewidth=1.0, zorder=3))
     axes.plot(mast[:, 0], mast[:, 1], color=INK, linewidth=1.4, zorder=3)
     for centre in (rear, front):
         wheel = Circle((float(centre[0]), float(centre[1])), float(radius), facecolor=FAINT, edgecolor=INK, zorder=3)

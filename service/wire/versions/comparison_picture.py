@@ -39,6 +39,9 @@ def figure_of_comparison(answer: ComparisonAnswer) -> Figure:
     _difference(difference, answer)
     figure.text(0.015, 0.95, f"{answer.candidate} beside {answer.against}: {answer.verdict.replace('_', ' ')}",
                 fontsize=12, fontweight="bold")  # fmt: skip
+    if answer.curves is not None and any("*" in _name(each) for each in answer.curves.slopes):
+        note = "* outside the domain of one of them"
+        figure.text(0.985, 0.012, note, ha="right", va="bottom", fontsize=8, color=FAINT)
     return figure
 
 
@@ -122,9 +125,6 @@ def _difference(axes: Axes, answer: ComparisonAnswer) -> None:
         ends.append((ahead[-1], _name(each)))
     axes.set_title(f"{answer.candidate} ahead of {answer.against}", fontsize=9, loc="left", pad=3)
     _name_ends(axes, curves.time_s[-1], ends)
-    if any("*" in name for _, name in ends):
-        axes.text(1.13, -0.36, "* outside the domain of one of them", transform=axes.transAxes, ha="right", fontsize=8,
-                  color=FAINT)  # fmt: skip
 
 
 def _name(curve: CurveAnswer) -> str:
