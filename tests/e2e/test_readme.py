@@ -43,9 +43,9 @@ def commands() -> list[str]:
 
 
 def first_results() -> list[str]:
-    """Commands of docs/quickstart.md that end by themselves and need nothing but the service of `make run`."""
+    """Commands of docs/quickstart.md that draw or fetch something and need nothing but the service of `make run`."""
     lines = re.findall(r"^    (.*)$", (ROOT / "docs/quickstart.md").read_text(), re.MULTILINE)
-    return [line for line in lines if line.startswith((".venv/bin/rover-twin ", "curl -o", "curl -OJ"))]
+    return [line for line in lines if line.startswith((".venv/bin/rover-twin mobility", "curl -o", "curl -OJ"))]
 
 
 def is_finite_command(command: str) -> bool:
