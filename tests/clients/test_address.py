@@ -30,6 +30,9 @@ def test_a_prefix_may_hold_a_version_of_its_own() -> None:
 
 WRONG = {
     "127.0.0.1:8000": "lacks its scheme: did you mean 'http://127.0.0.1:8000'",
+    "http:/host": "lacks a part of its scheme: did you mean 'http://host'?",
+    "https//host:8000": "did you mean 'https://host:8000'?",
+    "http:": "allowed is http://host:port",
     "localhost:8000/v1": "did you mean 'http://localhost:8000/v1'",
     "http://host:8000/v2": "Open Inference Protocol; allowed is the address of the service: 'http://host:8000'",
     "http://host/twin/v2/models/viper-lunar": "the address of the service: 'http://host/twin'",
@@ -45,7 +48,7 @@ def test_a_wrong_address_hears_which_one_was_meant(address: str, said: str) -> N
     with pytest.raises(ValueError, match=re.escape(said)) as caught:
         checked_url(address)
 
-    assert str(caught.value).startswith(f"base_url is {address!r}, which")
+    assert str(caught.value).startswith(f"base_url is {address!r}, ")
 
 
 def test_each_form_of_the_address_reaches_the_service(ask: Any, contract_service: Any) -> None:

@@ -56,7 +56,9 @@ def test_rows_share_what_is_given_beside_them() -> None:
         ("fast", {}, "scenarios is 'fast'"),
         ([3], {}, r"scenarios\[0\] is 3, allowed is a mapping"),
         ([{"slope": 3}], {}, r"scenarios\[0\] is 'slope', allowed is fields slope_deg"),
-        ([{"slope_deg": "steep"}], {}, r"scenarios\[0\] is .*steep.*, allowed is numbers"),
+        ([{"slope_deg": "steep"}], {}, r"scenarios\[0\].slope_deg is 'steep', allowed is a number"),
+        (None, {"slope_deg": 1, "mass_kg": "x", "torque_nm": 1}, "mass_kg is 'x', allowed is a number"),
+        (None, {"slope_deg": 1, "mass_kg": 1, "torque_nm": 1, "horizon_s": np.nan}, "horizon_s is nan, allowed is"),
         ({"slope": [3]}, {}, "scenarios is 'a table with a column slope'"),
         ([{"mass_kg": 1}], {"mass_kg": 2}, "mass_kg is 'given twice'"),
         (
@@ -71,6 +73,70 @@ def test_rows_share_what_is_given_beside_them() -> None:
 def test_what_are_no_scenarios_is_refused_by_name(scenarios: Any, own: dict[str, Any], said: str) -> None:
     with pytest.raises(InvalidInputError, match=said):
         asked(scenarios, **own)
+
+
+GOOD = {"slope_deg": 1, "mass_kg": 2, "torque_nm": 3}
+UNREADABLE = {
+    "scenarios[1].torque_nm is 'x', allowed is a number": {**GOOD, "torque_nm": "x"},
+    "scenarios[1].mass_kg is [2], allowed is a number": {**GOOD, "mass_kg": [2]},
+    "scenarios[1].horizon_s is nan, allowed is a number of seconds": {**GOOD, "horizon_s": np.nan},
+    "scenarios[1] is 'slope', allowed is fields": {**GOOD, "slope": 1},
+    "scenarios[1] is 7, allowed is a mapping": 7,
+}
+
+
+@pytest.mark.parametrize(("said", "bad"), UNREADABLE.items(), ids=list(UNREADABLE))
+def test_a_scenario_that_cannot_be_read_is_a_failure_at_its_place(said: str, bad: Any) -> None:
+    found = asked([GOOD, bad, {**GOOD, "horizon_s": None}])
+    work = BatchWork(found, lambda _: None)
+    span = work.take()
+    assert span == (0, 3)
+    assert body(found)["scenarios"][1]["slope_deg"] is None  # which the service refuses
+    assert body(found)["scenarios"][2] == GOOD
+    work.answered(span, batch_parsing.piece(Node(answer(3, [1]))))
+    batch = batch_parsing.batch(found.columns, work.pieces, found.unreadable)
+
+    (failure,) = batch.failures
+    assert failure.index == 1
+    assert failure.detail.startswith(said)
+    assert failure.faults[0].field == said.split(" is ")[0]
+
+
+def test_columns_and_tables_have_the_same_failures() -> None:
+    import pandas as pd
+    import polars as pl
+
+    columns: dict[str, Any] = {"slope_deg": [1.0, 1.0, 1.0], "mass_kg": 2, "torque_nm": 3}
+    for horizons in ([5.0, np.nan, None], pl.Series([5.0, np.nan, None], strict=False), np.array([5, np.nan, 5])):
+        assert list(asked(**columns, horizon_s=horizons).unreadable) == [1]
+    table = pd.DataFrame({**columns, "torque_nm": [3, "x", 3]})
+    assert [each.detail for each in asked(table).unreadable.values()] == [
+        "scenarios[1].torque_nm is 'x', allowed is a number"
+    ]
+
+
+def test_a_table_with_a_column_too_many_hears_its_name_in_one_sentence() -> None:
+    import pandas as pd
+
+    table = pd.DataFrame({name: [value] * 2 for name, value in GOOD.items()} | {"site": ["A", "B"]})
+    with pytest.raises(InvalidInputError, match="with a column site', allowed is columns slope_deg, mass_kg") as caught:
+        asked(table)
+    assert len(str(caught.value)) < 150
+
+
+def test_the_table_of_a_batch_is_a_question_again() -> None:
+    found = asked([GOOD] * 3)
+    work = BatchWork(found, lambda _: None)
+    span = work.take()
+    assert span is not None
+    work.answered(span, batch_parsing.piece(Node(answer(3, []))))
+    batch = batch_parsing.batch(found.columns, work.pieces)
+
+    for table in (batch.to_pandas(), batch.to_polars()):
+        assert asked(table).columns["slope_deg"].tolist() == [1, 1, 1]
+    for word in ("to_pandas", "to_polars"):
+        with pytest.raises(InvalidInputError, match="per is 'x', allowed is 'scenario' or 'time'"):
+            getattr(batch, word)(per="x")
 
 
 def test_a_level_without_a_band_is_refused_wherever_it_is_said() -> None:

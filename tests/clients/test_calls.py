@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,44 @@ def test_what_is_no_number_is_refused_by_name_before_it_is_sent(value: Any) -> N
 
     assert caught.value.problem is None
     assert [fault.field for fault in caught.value.faults] == ["mass_kg"]
+
+
+@pytest.mark.parametrize("include", [None, [None], b"band", 5, ["band", 3]])
+def test_what_are_no_words_to_include_is_refused(include: Any) -> None:
+    said = r"include is .*, allowed is a list of words"
+    with pytest.raises(InvalidInputError, match=said):
+        calls.predict(1, 2, 3, 4, **DEFAULTS | {"include": include})
+    with pytest.raises(InvalidInputError, match=said):
+        drive(430, TRACK, 100, include=include)
+
+
+@pytest.mark.parametrize("strict", ["no", 1, None])
+def test_a_flag_is_true_or_false(strict: Any) -> None:
+    with pytest.raises(InvalidInputError, match=r"strict is .*, allowed is True or False"):
+        calls.predict(1, 2, 3, 4, **DEFAULTS | {"strict": strict})
+    with pytest.raises(InvalidInputError, match=r"strict is .*, allowed is True or False"):
+        drive(430, TRACK, 100, strict=strict)
+
+
+def test_what_to_include_may_be_told_once() -> None:
+    told = DEFAULTS | {"include": (word for word in ["band"]), "band_level": 0.9}
+    assert calls.predict(1, 2, 3, 4, **told).query["include"] == "band"
+
+
+def test_a_number_that_went_as_text_is_a_number_in_the_fault() -> None:
+    message = "slope_deg is '280.0', allowed is -90 to 90"
+    fault = {"field": "slope_deg", "value": "280.0", "allowed": "-90 to 90", "message": message}
+    body = json.dumps({"detail": message, "errors": [fault]}).encode()
+
+    with pytest.raises(InvalidInputError, match=r"^slope_deg is 280\.0, allowed") as caught:
+        calls.predict(280, 2, 3, 4, **DEFAULTS).read(422, {}, body)
+    assert caught.value.faults[0].value == 280.0
+
+
+def test_a_long_value_is_cut_in_a_message() -> None:
+    with pytest.raises(InvalidInputError) as caught:
+        calls.number("mass_kg", list(range(10_000)))
+    assert len(str(caught.value)) < 200
 
 
 @pytest.mark.parametrize("name", ["", "..", ".", "a/b", "../admin", "A", "-a", "a" * 64, "a?x=1", "é", 3])

@@ -7,11 +7,15 @@ import inspect
 import socket
 import subprocess
 import sys
+import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 
@@ -27,7 +31,10 @@ from rover_twin_client import (
     ServerError,
     TimedOutError,
     UnexpectedAnswerError,
+    network,
+    training_calls,
 )
+from rover_twin_client.batch_calls import BATCH_READ_S
 from tests.clients.conftest import seen
 
 Ask = Callable[..., Any]
@@ -66,7 +73,7 @@ def test_a_refused_value_names_its_field_value_and_range(ask: Ask, contract_serv
         ask(contract_service.url, "predict", 28, -1, 60)
 
     (fault,) = caught.value.faults
-    assert (fault.field, fault.value, fault.allowed) == ("mass_kg", "-1.0", "1 to 10000")
+    assert (fault.field, fault.value, fault.allowed) == ("mass_kg", -1.0, "1 to 10000")
 
 
 def test_not_a_number_is_the_services_to_refuse(ask: Ask, contract_service: Any) -> None:
@@ -187,6 +194,60 @@ def _hang_up_once_then_answer(door: socket.socket, body: bytes) -> None:
 def test_an_address_that_is_none_is_refused_when_made(kind: type, base_url: Any) -> None:
     with pytest.raises(ValueError, match="base_url is "):
         kind(base_url)
+
+
+@pytest.mark.parametrize("timeout", [-1, 0, "x", float("nan"), float("inf"), True, httpx.Timeout(5, read=-1), 1e6])
+@pytest.mark.parametrize("kind", [RoverTwin, AsyncRoverTwin])
+def test_a_timeout_that_is_none_is_refused_when_made(kind: type, timeout: Any) -> None:
+    with pytest.raises(ValueError, match=r"^timeout(\.read)? is .*, allowed is more than 0 and at most 86400 seconds"):
+        kind(timeout=timeout)
+
+
+@pytest.mark.timeout(60)
+def test_a_timeout_that_is_given_holds_for_batches_and_drives_too(ask: Ask) -> None:
+    track = {"distance_m": [0], "slope_deg": [10]}
+    questions: list[tuple[str, tuple[Any, ...], dict[str, Any]]] = [
+        ("predict_batch", (), {"slope_deg": 1, "mass_kg": 430, "torque_nm": 60}),
+        ("drive", (430, track, 60), {}),
+    ]
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"http://127.0.0.1:{silent.getsockname()[1]}"
+        for word, args, more in questions:
+            began = time.monotonic()
+            with pytest.raises(TimedOutError):
+                ask(url, word, *args, settings={"timeout": 0.3}, **more)
+            assert time.monotonic() - began < 10
+
+
+def test_an_upload_keeps_its_patience_and_a_default_timeout_that_of_batches() -> None:
+    upload = training_calls.upload({}, retried=False)
+    short, usual = network.from_sending(2), network.from_sending(network.DEFAULT_TIMEOUT)
+
+    assert network.limits_of(upload, short, is_default=False).read == training_calls.UPLOAD_S
+    batch = replace(upload, read_s=BATCH_READ_S, always_patient=False)
+    assert network.limits_of(batch, short, is_default=False).read == 2
+    assert network.limits_of(batch, usual, is_default=True).read == BATCH_READ_S
+
+
+def test_a_closed_client_says_so(contract_service: Any, tmp_path: Path) -> None:
+    with RoverTwin(contract_service.url) as twin:
+        pass
+    for ask_it in (twin.models, lambda: twin.predict(28, 430, 60, save_to=tmp_path / "a.csv")):
+        with pytest.raises(RuntimeError, match="this client was closed: make another one"):
+            ask_it()
+
+
+def test_an_asynchronous_client_in_a_second_event_loop_says_what_to_do(contract_service: Any) -> None:
+    twin = AsyncRoverTwin(contract_service.url, connections=1)
+
+    async def ask_thrice() -> None:
+        await asyncio.gather(*(twin.models() for _ in range(3)))
+
+    with asyncio.Runner() as first, asyncio.Runner() as second:
+        first.run(ask_thrice())
+        with pytest.raises(RuntimeError, match=r"in another event loop before.*make one inside each asyncio\.run"):
+            second.run(ask_thrice())
+        first.run(twin.aclose())
 
 
 @pytest.mark.parametrize("retries", [-1, 11, 1.5, True])

@@ -69,6 +69,13 @@ def test_a_form_that_there_is_not_is_refused_in_the_clients_words(twin: RoverTwi
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_refused_number_is_the_number_that_was_given(twin: RoverTwin) -> None:
+    with pytest.raises(InvalidInputError, match=r"^slope_deg is 280\.0, allowed is") as caught:
+        twin.predict(280, 430, 60)
+
+    assert caught.value.faults[0].value == 280.0
+
+
 def test_many_times_of_its_own_fit_a_question(twin: RoverTwin) -> None:
     times_s = np.linspace(0, 10, 20_001)
 

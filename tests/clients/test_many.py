@@ -112,6 +112,20 @@ def test_refused_scenarios_keep_their_places_and_are_named(twin: RoverTwin) -> N
     assert len(batch.to_pandas(per="time")) == (len(masses) - 3) * 11
 
 
+def test_an_unreadable_scenario_among_many_sinks_no_other(twin: RoverTwin) -> None:
+    rows: list[Any] = [{"slope_deg": 20, "mass_kg": 430, "torque_nm": 60} for _ in range(MANY)]
+    rows[3], rows[-1] = 7, {**rows[0], "torque_nm": "x"}
+    rows[4] = {**rows[0], "horizon_s": np.nan}
+    batch = twin.predict_batch(rows, dt_s=1)
+
+    assert [failure.index for failure in batch.failures] == [3, 4, MANY - 1]
+    assert batch.failures[-1].detail == f"scenarios[{MANY - 1}].torque_nm is 'x', allowed is a number"
+    assert batch.slope_deg[4] == 20
+    assert np.flatnonzero(np.isnan(batch.final_x_m)).tolist() == [3, 4, MANY - 1]
+    again = twin.predict_batch(batch.to_pandas(), dt_s=1)
+    np.testing.assert_array_equal(again.x_m, batch.x_m)
+
+
 def test_a_batch_of_which_every_scenario_is_refused_is_an_answer(twin: RoverTwin) -> None:
     batch = twin.predict_batch(slope_deg=[50, 60], mass_kg=430, torque_nm=60)
 

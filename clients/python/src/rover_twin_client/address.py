@@ -9,6 +9,7 @@ import httpx
 # Below a prefix that a gateway made, such as /teams/v1/twin, the service may well stand.
 _CALL = re.compile(r"/v1/(predictions|drives|steps|live|mobility|models|admin)(/|$)")
 _OTHER_PROTOCOL = re.compile(r"/v2(/(models|health|repository)(/.*)?)?$")
+_BROKEN_SCHEME = re.compile(r"(https?)(?::/?|//)([^/].*)?$", re.IGNORECASE)
 _PAGES = ("docs", "redoc", "openapi.json", "metrics", "health", "health/ready", "health/live")
 
 
@@ -32,7 +33,11 @@ def checked_url(base_url: str) -> httpx.URL:
 
 def _parsed(base_url: str) -> httpx.URL:
     if isinstance(base_url, str) and base_url and "://" not in base_url:
-        raise ValueError(f"base_url is {base_url!r}, which lacks its scheme: did you mean 'http://{base_url}'?")
+        if (broken := _BROKEN_SCHEME.match(base_url)) and broken[2]:
+            meant = f"{broken[1].lower()}://{broken[2]}"
+            raise ValueError(f"base_url is {base_url!r}, which lacks a part of its scheme: did you mean {meant!r}?")
+        if not broken:
+            raise ValueError(f"base_url is {base_url!r}, which lacks its scheme: did you mean 'http://{base_url}'?")
     try:
         url = httpx.URL(base_url)
     except (httpx.InvalidURL, TypeError) as fault:

@@ -4,39 +4,40 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from http import HTTPStatus
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
+from rover_twin_client import batch_columns
 from rover_twin_client import batch_parsing as parsing
-from rover_twin_client.answers import Array, ModelIdentity, Scenario
+from rover_twin_client.answers import Array, ModelIdentity
+from rover_twin_client.batch_columns import Numbers, Scenarios
 from rover_twin_client.batch_parsing import Piece
-from rover_twin_client.calls import Call, column, finite, inclusions, refused, require_band, said
+from rover_twin_client.batches import ASKED, FailedPrediction
+from rover_twin_client.calls import Call, column, finite, flag, inclusions, require_band, said
 from rover_twin_client.errors import InvalidInputError, RefusedError, UnexpectedAnswerError
 
-Numbers: TypeAlias = float | Sequence[float] | Array
-"""One number for all scenarios, or one for each."""
-Scenarios: TypeAlias = Any
-"""Mappings or `Scenario`s, a mapping of columns, or a table of pandas or polars with these columns."""
-
-FIELDS = ("slope_deg", "mass_kg", "torque_nm", "horizon_s")
 PIECE_SCENARIOS = 500  # half of what the service takes: a piece every second or so, for the progress
 PIECE_POINTS = 200_000  # a fifth of what the service takes; some megabytes
 AT_ONCE = 4  # requests; a service computes on a few threads
 BATCH_READ_S = 120.0
 _USUAL = {"horizon_s": 10.0, "dt_s": 0.05}  # the service's own, only to guess how many points there will be
-_TAKEN = "one or more scenarios: mappings with slope_deg, mass_kg, torque_nm (and horizon_s), or columns of them"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BatchQuestion:
-    """Scenarios as columns (N,), NaN for a horizon that is left to the service; and what they share."""
+    """Scenarios as columns (N,), NaN for a horizon that is left to the service; and what they share.
+
+    `unreadable` are those that this client could not read, by place. They are sent without a slope, which the service
+    refuses like any other fault, so that rows keep their places.
+    """
 
     columns: Mapping[str, Array]
     shared: Mapping[str, Any]
+    unreadable: Mapping[int, FailedPrediction] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -45,9 +46,11 @@ class BatchQuestion:
 
     def call(self, start: int, stop: int, model: ModelIdentity | None) -> Call[Piece]:
         """POST /v1/predictions/batch with the scenarios from `start` to before `stop`, to this very version."""
-        rows = zip(*(self.columns[name][start:stop].tolist() for name in FIELDS), strict=True)
+        rows = zip(*(self.columns[name][start:stop].tolist() for name in ASKED), strict=True)
         body = {**self.shared, **({} if model is None else {"model": f"{model.name}@{model.version}"})}
         body["scenarios"] = [_scenario(row) for row in rows]
+        for at in self.unreadable.keys() & range(start, stop):
+            body["scenarios"][at - start]["slope_deg"] = None
         return Call(
             "/v1/predictions/batch",
             parsing.piece,
@@ -142,93 +145,25 @@ def question(
     band_level: float | None,
     strict: bool,
 ) -> BatchQuestion:
-    """What is asked; raises InvalidInputError for what are no scenarios, no numbers, or not as many of each."""
-    require_band(include, band_level)
+    """What is asked; raises InvalidInputError for what are no scenarios, or not as many of each (`batch_columns`)."""
+    wanted = list(inclusions(include))
+    require_band(wanted, band_level)
     shared: dict[str, Any] = {
         name: finite(name, value) for name, value in said(dt_s=dt_s, band_level=band_level).items()
     }
     if times_s is not None:
         shared["times_s"] = column("times_s", times_s)
-    wanted = list(inclusions(include))
     shared |= said(model=model) | {"frame": frame}
-    shared |= ({"include": wanted} if wanted else {}) | ({"strict": True} if strict else {})
-    given = {name: _numbers(name, value) for name, value in own.items() if value is not None}
-    if scenarios is not None:
-        table = _table(scenarios)
-        if twice := sorted(given.keys() & table.keys()):
-            raise refused(twice[0], "given twice", "either in the scenarios or as an argument for all of them")
-        given |= table
-    return BatchQuestion(_columns(given), shared)
-
-
-def _columns(given: Mapping[str, Array]) -> dict[str, Array]:
-    for name in FIELDS[:3]:
-        if name not in given:
-            raise refused(name, None, "a number for all scenarios, or one for each")
-    sizes = {name: values.size for name, values in given.items() if values.ndim}
-    count = next(iter(sizes.values()), 1)
-    for name, size in sizes.items():
-        if size != count:
-            raise refused(name, f"{size} numbers", f"one number, or {count} as in {next(iter(sizes))}")
-    if count == 0:
-        raise refused("scenarios", "none", _TAKEN)
-    whole = {"horizon_s": np.array(np.nan), **given}
-    return {name: np.array(np.broadcast_to(whole[name], (count,)), dtype=np.float64) for name in FIELDS}
-
-
-def _table(scenarios: Scenarios) -> dict[str, Array]:
-    if hasattr(scenarios, "columns"):  # of pandas or polars
-        return _known({str(name): _numbers(str(name), scenarios[name]) for name in scenarios.columns})
-    if isinstance(scenarios, Mapping):
-        return _known({str(name): _numbers(str(name), values) for name, values in scenarios.items()})
-    if isinstance(scenarios, str | bytes) or not isinstance(scenarios, Iterable):
-        raise refused("scenarios", scenarios, _TAKEN)
-    rows = [_row(at, each) for at, each in enumerate(scenarios)]
-    if not rows:
-        raise refused("scenarios", [], _TAKEN)
-    names = [name for name in FIELDS if any(name in row for row in rows)]
-    return {name: np.array([row.get(name, math.nan) for row in rows], dtype=np.float64) for name in names}
-
-
-def _row(at: int, each: object) -> dict[str, float]:
-    if isinstance(each, Scenario):
-        return {name: float(getattr(each, name)) for name in FIELDS}
-    if not isinstance(each, Mapping):
-        raise refused(f"scenarios[{at}]", each, "a mapping with slope_deg, mass_kg, torque_nm, and horizon_s if wanted")
-    for name in each:
-        if name not in FIELDS:
-            raise refused(f"scenarios[{at}]", str(name), "fields " + ", ".join(FIELDS))
-    try:
-        return {name: math.nan if value is None else float(value) for name, value in each.items()}
-    except (TypeError, ValueError, OverflowError) as fault:
-        raise refused(f"scenarios[{at}]", dict(each), "numbers") from fault
-
-
-def _known(table: dict[str, Array]) -> dict[str, Array]:
-    for name in table:
-        if name not in FIELDS:
-            raise refused("scenarios", f"a table with a column {name}", "columns " + ", ".join(FIELDS))
-    return table
-
-
-def _numbers(name: str, values: object) -> Array:
-    """A number (), or numbers (N,); NaN stands for one that is missing."""
-    if isinstance(values, Iterable) and not hasattr(values, "__array__") and not isinstance(values, str | bytes):
-        values = list(values)
-    try:
-        found = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as fault:
-        raise refused(name, values, "a number, or a flat list of numbers") from fault
-    if found.ndim > 1:
-        raise refused(name, f"an array of shape {found.shape}", "a number, or a flat list of numbers")
-    return found
+    shared |= ({"include": wanted} if wanted else {}) | ({"strict": True} if flag("strict", strict) else {})
+    columns, faults = batch_columns.read(scenarios, own)
+    return BatchQuestion(columns, shared, batch_columns.failures(faults))
 
 
 def _scenario(row: tuple[float, ...]) -> dict[str, float | str | None]:
     """As JSON. The service refuses this scenario for what is no number, and chooses a horizon that is not said."""
     written = {
         name: value if math.isfinite(value) else None if math.isnan(value) else str(value)
-        for name, value in zip(FIELDS, row, strict=True)
+        for name, value in zip(ASKED, row, strict=True)
     }
     if written["horizon_s"] is None:
         del written["horizon_s"]

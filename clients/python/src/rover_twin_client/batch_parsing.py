@@ -89,10 +89,14 @@ def _failed(node: Node) -> FailedPrediction:
     return FailedPrediction(node["index"].whole(), node["detail"].text(), faults)
 
 
-def batch(scenarios: Mapping[str, Array], pieces: Mapping[int, Piece]) -> Batch:
+def batch(
+    scenarios: Mapping[str, Array],
+    pieces: Mapping[int, Piece],
+    unreadable: Mapping[int, FailedPrediction] | None = None,
+) -> Batch:
     """All pieces together, each by its first scenario; a row for each scenario, NaN where there is no answer.
 
-    `scenarios` are the columns that were sent.
+    `scenarios` are the columns that were sent, `unreadable` what the client says of those it could not read.
     """
     count = scenarios["slope_deg"].size
     ordered = sorted(pieces.items())
@@ -127,7 +131,11 @@ def batch(scenarios: Mapping[str, Array], pieces: Mapping[int, Piece]) -> Batch:
         **shown,
         prior=None if prior[0] is None else Prior(first.prior_name, *prior),
         band=Band(first.band_level, **columns) if columns else None,
-        failures=tuple(_placed(failure, start) for start, each in ordered for failure in each.failures),
+        failures=tuple(
+            (unreadable or {}).get(failure.index + start) or _placed(failure, start)
+            for start, each in ordered
+            for failure in each.failures
+        ),
     )
 
 

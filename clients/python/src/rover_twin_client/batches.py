@@ -23,7 +23,7 @@ from rover_twin_client.answers import (
     Summary,
     Words,
 )
-from rover_twin_client.errors import FieldFault
+from rover_twin_client.errors import FieldFault, InvalidInputError
 from rover_twin_client.shown import Facts, Line, Plotted, Table, plots, tables
 from rover_twin_client.shown.facts import Variable
 
@@ -34,9 +34,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Per: TypeAlias = Literal["scenario", "time"]
-_SCENARIO = ("slope_deg", "mass_kg", "torque_nm", "horizon_s")
+ASKED = ("slope_deg", "mass_kg", "torque_nm", "horizon_s")
+"""What a scenario is."""
 _SUMMARY = ("outcome", "final_x_m", "final_y_m", "distance_m", "mean_speed_m_s", "slip_ratio")
 _DOMAIN = ("inside", "outside_of", "distance", "nearest_run")
+TABLE_COLUMNS = frozenset({"scenario", *_SUMMARY, *_DOMAIN, "error"})
+"""What the table of a batch has beside the scenario itself."""
 _LISTED = 5
 
 
@@ -146,7 +149,7 @@ class Batch(Plotted, Sequence[Prediction | FailedPrediction]):
         prior, band = self.prior, self.band
         return Prediction(
             model=self.model,
-            scenario=Scenario(*(float(getattr(self, name)[row]) for name in _SCENARIO)),
+            scenario=Scenario(*(float(getattr(self, name)[row]) for name in ASKED)),
             frame=self.frame,
             time_s=time_s,
             x_m=self.x_m[row, :points],
@@ -174,7 +177,7 @@ class Batch(Plotted, Sequence[Prediction | FailedPrediction]):
 
     def _domain(self, row: int) -> Domain:
         distance = float(self.distance[row])
-        known = {name: float(getattr(self, name)[row]) for name in _SCENARIO} | {"joint": distance}
+        known = {name: float(getattr(self, name)[row]) for name in ASKED} | {"joint": distance}
         names = [name for name in str(self.outside_of[row]).split(",") if name]
         reasons = (
             DomainReason(name, known.get(name, np.nan), None, None, f"{name} is outside the domain of {self.model}")
@@ -193,8 +196,11 @@ class Batch(Plotted, Sequence[Prediction | FailedPrediction]):
         return {name: column for name, column in (own | prior | band).items() if column is not None}
 
     def _table(self, per: Per) -> Table:
+        if per not in ("scenario", "time"):
+            message = f"per is {per!r}, allowed is 'scenario' or 'time'"
+            raise InvalidInputError(message, faults=(FieldFault("per", per, "'scenario' or 'time'", message),))
         over_time = self._over_time()
-        asked = {name: getattr(self, name) for name in _SCENARIO}
+        asked = {name: getattr(self, name) for name in ASKED}
         found = {name: getattr(self, name) for name in (*_SUMMARY, *_DOMAIN)}
         axis = "time_s" if self.time_s.ndim == 1 else "point"
         both, number = ("scenario", axis), np.arange(len(self))

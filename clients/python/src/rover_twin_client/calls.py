@@ -22,6 +22,7 @@ from rover_twin_client.errors import FieldFault, InvalidInputError
 Answer = TypeVar("Answer")
 Value = TypeVar("Value")
 PREDICTIONS = "/v1/predictions"
+_SHOWN = 120  # characters of a value that a message shows
 NAME = re.compile(r"[a-z0-9][a-z0-9-]{0,62}")
 
 
@@ -30,8 +31,10 @@ class Call(Generic[Answer]):
     """One request to `path` below the base address, and `parse`, which reads the answer.
 
     `retried` allows the client to send it again. `json` or `form` is its body. `read_s` is how long the
-    answer may take, in seconds, when that is longer than usual. An answer succeeds with one of `statuses`, and its body
-    is JSON unless `is_document` is false. `words` has this client's name for fields that the service calls otherwise.
+    answer may take, in seconds, when that is longer than usual: by default, or with `always_patient` whatever timeout
+    the caller chose. `numbers` are those that `query` has as text. An answer succeeds with one of `statuses`, and its
+    body is JSON unless `is_document` is false. `words` has this client's name for fields that the service calls
+    otherwise.
     """
 
     path: str
@@ -44,15 +47,17 @@ class Call(Generic[Answer]):
     form: Mapping[str, str] | None = None
     statuses: tuple[int, ...] = (200,)
     read_s: float | None = None
+    always_patient: bool = False
+    numbers: Mapping[str, float] = field(default_factory=dict)
     is_document: bool = True
     words: Mapping[str, str] = field(default_factory=dict)
 
     def read(self, status: int, headers: Mapping[str, str], content: bytes) -> Answer:
         """Returns the value of the answer, or raises the named error (see `responses.document`)."""
         if status == HTTPStatus.NO_CONTENT or not self.is_document:
-            responses.require(status, headers, content, self.statuses, self.words)
+            responses.require(status, headers, content, self.statuses, self.words, self.numbers)
             return self.parse(Node(content))
-        return self.parse(responses.document(status, headers, content, self.statuses, self.words))
+        return self.parse(responses.document(status, headers, content, self.statuses, self.words, self.numbers))
 
 
 def predict(
@@ -73,19 +78,21 @@ def predict(
 
     The service checks the ranges; this refuses only what is not a number, and a level without a band.
     """
-    require_band(include, band_level)
-    numbers = {"slope_deg": slope_deg, "mass_kg": mass_kg, "torque_nm": torque_nm}
+    wanted = inclusions(include)
+    require_band(wanted, band_level)
+    strict = flag("strict", strict)
+    numbers: dict[str, Any] = {"slope_deg": slope_deg, "mass_kg": mass_kg, "torque_nm": torque_nm}
     numbers |= said(horizon_s=horizon_s, dt_s=dt_s, band_level=band_level)
-    wanted = list(inclusions(include))
     if times_s is not None:
         body: dict[str, Any] = {name: finite(name, value) for name, value in numbers.items()}
         body |= said(model=model) | {"frame": frame, "times_s": column("times_s", times_s)}
-        body |= ({"include": wanted} if wanted else {}) | ({"strict": True} if strict else {})
+        body |= ({"include": list(wanted)} if wanted else {}) | ({"strict": True} if strict else {})
         return Call(PREDICTIONS, parsing.prediction, method="POST", json=body)
-    query = {name: repr(number(name, value)) for name, value in numbers.items()}
+    numbers = {name: number(name, value) for name, value in numbers.items()}
+    query = {name: repr(value) for name, value in numbers.items()}
     query |= said(model=model) | {"frame": frame}
     query |= ({"include": ",".join(wanted)} if wanted else {}) | ({"strict": "true"} if strict else {})
-    return Call(PREDICTIONS, parsing.prediction, query)
+    return Call(PREDICTIONS, parsing.prediction, query, numbers=numbers)
 
 
 def in_form(call: Call[Any], form: str) -> Call[bytes]:
@@ -99,7 +106,11 @@ def in_form(call: Call[Any], form: str) -> Call[bytes]:
 
 def form_of(form: str | None, save_to: str | os.PathLike[str] | None) -> str | None:
     """The form that was asked for: by name, or by the ending of the file to save to. None: values of Python."""
-    if form is not None or save_to is None:
+    if save_to is None:
+        return form
+    if not isinstance(save_to, str | os.PathLike) or not isinstance(os.fspath(save_to), str):
+        raise refused("save_to", save_to, "the path of a file, as text or a Path")
+    if form is not None:
         return form
     ending = Path(save_to).suffix.removeprefix(".").lower()
     if not ending:
@@ -108,8 +119,19 @@ def form_of(form: str | None, save_to: str | os.PathLike[str] | None) -> str | N
 
 
 def inclusions(include: Iterable[str]) -> tuple[str, ...]:
-    """The parts to add; one alone may be a text."""
-    return (include,) if isinstance(include, str) else tuple(include)
+    """The parts to add; one alone may be a text. Raises InvalidInputError for what are no words."""
+    wanted: object = (include,) if isinstance(include, str) else include
+    words = tuple(wanted) if isinstance(wanted, Iterable) and not isinstance(wanted, bytes) else (None,)
+    if not all(isinstance(word, str) for word in words):
+        raise refused("include", include, 'a list of words, such as ["band"]')
+    return words
+
+
+def flag(name: str, value: object) -> bool:
+    """A flag of Python or NumPy; raises InvalidInputError for anything else, such as the text "no"."""
+    if not isinstance(value, bool | np.bool_):
+        raise refused(name, value, "True or False")
+    return bool(value)
 
 
 def require_band(include: Iterable[str], band_level: float | None) -> None:
@@ -140,9 +162,10 @@ def mobility(
         **said(confidence=confidence),
     }
     counts = said(torque_steps=torque_steps, slope_steps=slope_steps)
-    query = {name: repr(number(name, value)) for name, value in numbers.items()}
+    numbers = {name: number(name, value) for name, value in numbers.items()}
+    query = {name: repr(value) for name, value in numbers.items()}
     query |= {name: whole(name, value) for name, value in counts.items()}
-    return Call("/v1/mobility", parsing.mobility, query | said(model=model))
+    return Call("/v1/mobility", parsing.mobility, query | said(model=model), numbers=numbers | counts)
 
 
 def suggested_runs(name: str, version: int, n: int | None) -> Call[SuggestedRuns]:
@@ -243,9 +266,11 @@ def checked_name(name: str, field: str = "name") -> str:
 def refused(name: str, value: object, allowed: str) -> InvalidInputError:
     """The error for a value that the client refuses to send."""
     try:
-        shown = repr(value)
+        shown = " ".join(repr(value).split())  # a table has lines
     except ValueError:  # str() and repr() refuse an integer of thousands of digits
         shown = "a number too long to write"
+    if len(shown) > _SHOWN:
+        shown = f"{shown[:_SHOWN]}..."
     message = f"{name} is {shown}, allowed is {allowed}"
     fault = FieldFault(field=name, value=value, allowed=allowed, message=message)
     return InvalidInputError(message, faults=(fault,))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from rover_twin_client import drive_parsing as parsing
-from rover_twin_client.calls import Call, column, finite, inclusions, refused, require_band, said
+from rover_twin_client.calls import Call, column, finite, flag, inclusions, refused, require_band, said
 from rover_twin_client.drives import Controls, Drive, FailedDrive, Track
 
 LONGEST_DRIVE_READ_S = 60.0
@@ -32,7 +32,7 @@ def drive(
     shared = options(dt_s=dt_s, times_s=times_s, model=model, frame=frame, include=include, band_level=band_level)
     optional = said(start_speed_m_s=start_speed_m_s, horizon_s=horizon_s, until_distance_m=until_distance_m)
     body = members({"mass_kg": mass_kg, "track": track, "controls": controls, **optional})
-    body |= shared | ({"strict": True} if strict else {})
+    body |= shared | ({"strict": True} if flag("strict", strict) else {})
     # The same question has the same answer: a POST only because a track does not fit an address.
     return Call("/v1/drives", parsing.drive, method="POST", json=body, read_s=LONGEST_DRIVE_READ_S)
 
@@ -59,7 +59,7 @@ def drive_batch(
     usual |= said(start_speed_m_s=start_speed_m_s, horizon_s=horizon_s, until_distance_m=until_distance_m)
     body: dict[str, Any] = {"drives": [_own(at, given, usual) for at, given in enumerate(drives)], **members(usual)}
     body |= options(dt_s=dt_s, times_s=times_s, model=model, frame=frame, include=include, band_level=band_level)
-    body |= {"strict": True} if strict else {}
+    body |= {"strict": True} if flag("strict", strict) else {}
     return Call(
         "/v1/drives/batch",
         parsing.drive_lines,
@@ -101,11 +101,11 @@ def options(
 ) -> dict[str, Any]:
     """The members of the body that say how to answer."""
     body: dict[str, Any] = {name: finite(name, value) for name, value in said(dt_s=dt_s, band_level=band_level).items()}
-    require_band(include, band_level)
+    wanted = inclusions(include)
+    require_band(wanted, band_level)
     if times_s is not None:
         body["times_s"] = column("times_s", times_s)
-    wanted = list(inclusions(include))
-    return body | said(model=model) | {"frame": frame} | ({"include": wanted} if wanted else {})
+    return body | said(model=model) | {"frame": frame} | ({"include": list(wanted)} if wanted else {})
 
 
 def columns(name: str, given: Mapping[str, Any]) -> dict[str, list[Any]]:

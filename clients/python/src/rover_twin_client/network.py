@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from numbers import Real
 from typing import Any, TypeVar
 
 import httpx
@@ -37,6 +38,7 @@ DEFAULT_CONNECTIONS = 8
 MOST_CONNECTIONS = 256
 UNLIMITED = httpx.Limits(max_connections=None, max_keepalive_connections=MOST_CONNECTIONS)
 RESTART_S = 5.0  # how long live steps try: a service that restarts answers after about two seconds
+LONGEST_TIMEOUT_S = 86_400.0
 LONGEST_WAIT_S = 10.0  # when the service asks for a longer wait, the call fails at once
 HEADERS = {"Accept": "application/json", "User-Agent": "rover-twin-client"}
 Retries = TypeVar("Retries", bound=BaseRetrying)  # tenacity's Retrying or AsyncRetrying
@@ -57,9 +59,25 @@ def checked_connections(connections: int) -> int:
 
 
 def from_sending(timeout: float | httpx.Timeout | None) -> httpx.Timeout:
-    """The limits of one request, which count from when it is sent: waiting for a connection is none of them."""
-    limits = httpx.Timeout(timeout)
-    return httpx.Timeout(connect=limits.connect, read=limits.read, write=limits.write, pool=None)
+    """The limits of one request, which count from when it is sent: waiting for a connection is none of them.
+
+    Raises ValueError for what is no time, or none that a socket can wait.
+    """
+    if not isinstance(timeout, httpx.Timeout):
+        seconds = _seconds("timeout", timeout)
+        return httpx.Timeout(connect=seconds, read=seconds, write=seconds, pool=None)
+    parts = {name: _seconds(f"timeout.{name}", getattr(timeout, name)) for name in ("connect", "read", "write")}
+    return httpx.Timeout(**parts, pool=None)
+
+
+def _seconds(name: str, value: object) -> float | None:
+    """A time in seconds; None is no limit."""
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, Real) or not 0 < value <= LONGEST_TIMEOUT_S:
+        allowed = f"more than 0 and at most {LONGEST_TIMEOUT_S:g} seconds, or an httpx.Timeout of these"
+        raise ValueError(f"{name} is {value!r}, allowed is {allowed}")
+    return float(value)
 
 
 def checked_token(token: str | None) -> dict[str, str]:
@@ -72,7 +90,11 @@ def checked_token(token: str | None) -> dict[str, str]:
 
 
 def request_of(
-    http: httpx.Client | httpx.AsyncClient, call: Call[Any], files: dict[str, Any] | None, credentials: dict[str, str]
+    http: httpx.Client | httpx.AsyncClient,
+    call: Call[Any],
+    files: dict[str, Any] | None,
+    credentials: dict[str, str],
+    timeout: httpx.Timeout,
 ) -> httpx.Request:
     """The HTTP request of a call; it carries `credentials`, since a service may want them with every one."""
     return http.build_request(
@@ -83,8 +105,14 @@ def request_of(
         data=call.form,
         files=files,
         headers={**call.headers, **credentials},
-        timeout=patient(http.timeout, call.read_s or 0.0),
+        timeout=timeout,
     )
+
+
+def limits_of(call: Call[Any], usual: httpx.Timeout, *, is_default: bool) -> httpx.Timeout:
+    """The timeout of a call: the longer one that it needs, unless the caller chose one and the call can obey."""
+    obeys = not is_default and not call.always_patient
+    return usual if obeys else patient(usual, call.read_s or 0.0)
 
 
 def patient(usual: httpx.Timeout, read_s: float) -> httpx.Timeout:

@@ -1,4 +1,4 @@
-"""Tells how far a long call is: by a bar, or by a function of the caller."""
+"""Tells how far a long call is: by a bar or a counter in words, or by a function of the caller."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, contextmanager
 from typing import Any, TypeAlias
 
 Progress: TypeAlias = bool | Callable[[int, int], None]
-"""True for a bar, or a function that is called with how many are done and of how many."""
+"""True for a bar (a text without tqdm and rich), or a function that is called with how many are done, of how many."""
 _EVERY_S = 0.5
 
 

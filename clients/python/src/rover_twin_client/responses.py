@@ -40,14 +40,15 @@ def document(
     content: bytes,
     statuses: Collection[int] = (HTTPStatus.OK,),
     words: Mapping[str, str] | None = None,
+    numbers: Mapping[str, float] | None = None,
 ) -> Node:
     """The JSON document of a successful answer. `headers` must ignore the case of names.
 
-    `words` has this client's name for fields that the service calls otherwise.
+    `words` has this client's name for fields that the service calls otherwise, `numbers` those that went as text.
 
     Raises UnexpectedAnswerError when the body is not JSON, and what `require` raises.
     """
-    require(status, headers, content, statuses, words)
+    require(status, headers, content, statuses, words, numbers)
     try:
         return Node(json.loads(content))
     except (ValueError, RecursionError) as fault:
@@ -60,21 +61,26 @@ def require(
     content: bytes,
     statuses: Collection[int],
     words: Mapping[str, str] | None = None,
+    numbers: Mapping[str, float] | None = None,
 ) -> None:
     """Raises the named error for 4xx and 5xx, and UnexpectedAnswerError for any other status not in `statuses`."""
     if status >= HTTPStatus.BAD_REQUEST:
-        raise failure(status, headers, content, words)
+        raise failure(status, headers, content, words, numbers)
     if status not in statuses:
         expected = " or ".join(str(int(each)) for each in statuses)
         raise UnexpectedAnswerError(f"the service answered HTTP {status}, expected {expected}: is base_url right?")
 
 
 def failure(
-    status: int, headers: Mapping[str, str], content: bytes, words: Mapping[str, str] | None = None
+    status: int,
+    headers: Mapping[str, str],
+    content: bytes,
+    words: Mapping[str, str] | None = None,
+    numbers: Mapping[str, float] | None = None,
 ) -> RoverTwinError:
     """The error for a 4xx or 5xx answer, with its problem. A body that is not a problem becomes the `detail` of one."""
     problem = _problem(status, content)
-    faults = tuple(renamed(fault, words or {}) for fault in problem.faults)
+    faults = tuple(renamed(as_number(fault, numbers or {}), words or {}) for fault in problem.faults)
     message = f"{_reason(problem, faults)} (HTTP {status}, {problem.slug})"
     if status == HTTPStatus.SERVICE_UNAVAILABLE:
         return NotReadyError(message, problem, _retry_after_s(headers))
@@ -107,6 +113,14 @@ def renamed(fault: FieldFault, words: Mapping[str, str]) -> FieldFault:
         return fault
     said = re.sub(rf"(?<![\w.]){re.escape(fault.field)}(?![\w.])", lambda _: name, fault.message, count=1)
     return replace(fault, field=name, message=said)
+
+
+def as_number(fault: FieldFault, numbers: Mapping[str, float]) -> FieldFault:
+    """The fault with the number that was given, where it went as text in an address."""
+    number = numbers.get(fault.field)
+    if number is None or fault.value not in (repr(number), str(number)):
+        return fault
+    return replace(fault, value=number, message=fault.message.replace(f"is {fault.value!r}", f"is {fault.value}", 1))
 
 
 def _reason(problem: Problem, faults: tuple[FieldFault, ...]) -> str:

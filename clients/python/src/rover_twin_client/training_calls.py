@@ -9,7 +9,7 @@ from typing import Any
 from urllib.parse import quote
 
 from rover_twin_client import training_parsing as parsing
-from rover_twin_client.calls import Call, checked_name, finite, refused, said, whole
+from rover_twin_client.calls import Call, checked_name, finite, flag, refused, said, whole
 from rover_twin_client.training import Alias, Dataset, DatasetInfo, TrainingJob, Upload, VersionState
 
 DATASETS = "/v1/admin/datasets"
@@ -29,6 +29,7 @@ def upload(fields: Mapping[str, str], *, retried: bool) -> Call[Upload]:
     """POST /v1/admin/datasets. Harmless to repeat: the same content is the same dataset."""
     return Call(
         DATASETS, parsing.upload, method="POST", form=fields, statuses=(200, 201), read_s=UPLOAD_S, retried=retried,
+        always_patient=True,
     )  # fmt: skip
 
 
@@ -61,7 +62,8 @@ def upload_fields(
         fields["column_map"] = column_map if isinstance(column_map, str) else _json("column_map", column_map)
     if passport is not None:
         fields["passport"] = _json("passport", passport)
-    return fields | {field: "true" for field, wanted in (("strict", strict), ("dry_run", dry_run)) if wanted}
+    flags = {"strict": strict, "dry_run": dry_run}
+    return fields | {field: "true" for field, wanted in flags.items() if flag(field, wanted)}
 
 
 def datasets(after: str | None) -> Call[tuple[list[DatasetInfo], bool]]:

@@ -28,6 +28,7 @@ from rover_twin_client.network import (
     checked_retries,
     checked_token,
     from_sending,
+    limits_of,
     named_failures,
     patient,
     request_of,
@@ -45,13 +46,15 @@ class AsyncConnection:
 
     `base_url` is the address of the service, with or without `/v1` at its end.
 
-    `timeout` limits connecting, sending and reading, in seconds each; an `httpx.Timeout` sets them one by one.
+    `timeout` limits connecting, sending and reading, in seconds each (up to a day); an `httpx.Timeout` sets them one by
+    one. One that is given holds for batches and drives too, which wait longer for their answers otherwise; an upload,
+    the events of a job and a live step always have waits of their own.
     `connections` (1 to 256) is how many requests are on their way at once. Further ones wait for their turn, as long
     as it takes: that is no time-out, because the clock of a request starts when it is sent.
     `retries` (0 to 10) is how many more times a call is tried, when the connection breaks or the service answers 503
     with a Retry-After of at most 10 s. `transport` replaces the network, for example with a proxy or in a test.
 
-    Raises ValueError for an argument that cannot be used.
+    Raises ValueError for an argument that cannot be used. A call raises RuntimeError once the client is closed.
     """
 
     def __init__(
@@ -68,6 +71,7 @@ class AsyncConnection:
         self._retries = checked_retries(retries)
         self._credentials = checked_token(token)
         self._gate = AsyncGate(checked_connections(connections))
+        self._has_default_timeout = timeout is DEFAULT_TIMEOUT
         self._http = httpx.AsyncClient(
             base_url=self._url, headers=HEADERS, timeout=from_sending(timeout), limits=UNLIMITED, transport=transport
         )
@@ -90,13 +94,24 @@ class AsyncConnection:
         return answer
 
     async def _attempt(self, call: Call[Answer], files: dict[str, Any] | None) -> Answer:
+        self._require_usable()
         async with self._gate:
             response = await self._sent(call, files)
         return call.read(response.status_code, response.headers, response.content)
 
     async def _sent(self, call: Call[Answer], files: dict[str, Any] | None) -> httpx.Response:
         with named_failures(self._url):
-            return await self._http.send(request_of(self._http, call, files, self._credentials))
+            return await self._http.send(self._request(call, files))
+
+    def _request(self, call: Call[Any], files: dict[str, Any] | None) -> httpx.Request:
+        self._require_usable()
+        timeout = limits_of(call, self._http.timeout, is_default=self._has_default_timeout)
+        return request_of(self._http, call, files, self._credentials, timeout)
+
+    def _require_usable(self) -> None:
+        if self._http.is_closed:
+            raise RuntimeError("this client was closed: make another one")
+        self._gate.require_home()
 
     async def _answer_as(
         self, call: Call[Answer], form: str | None, save_to: str | os.PathLike[str] | None
@@ -114,9 +129,10 @@ class AsyncConnection:
         return saved
 
     async def _attempt_to_save(self, call: Call[bytes], path: Path) -> Path:
+        self._require_usable()
         async with self._gate, AsyncExitStack() as opened:
             opened.enter_context(named_failures(self._url))
-            response = await self._http.send(request_of(self._http, call, None, self._credentials), stream=True)
+            response = await self._http.send(self._request(call, None), stream=True)
             opened.push_async_callback(response.aclose)
             if response.status_code != httpx.codes.OK:
                 call.read(response.status_code, response.headers, await response.aread())
@@ -136,6 +152,7 @@ class AsyncConnection:
             await stream.aclose()
 
     async def _open_stream(self, path: str, following: Following) -> httpx.Response:
+        self._require_usable()
         headers = following.headers() | self._credentials
         timeout = patient(self._http.timeout, SILENCE_S)
         request = self._http.build_request("GET", path, headers=headers, timeout=timeout)

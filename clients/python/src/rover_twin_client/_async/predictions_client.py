@@ -109,7 +109,8 @@ class AsyncPredictionsClient(AsyncDrivesClient):
 
         With `form` (csv, npz, arrow, usda, svg, png, json and what else the service has) the answer is that file, as
         bytes. With `save_to` it is written there, completely or not at all, and its path is returned; without `form`
-        the ending of the name says which one.
+        the ending of the name says which one. An older file keeps its mode, a symbolic link stays one, and a pipe is
+        written into. A place that cannot be written raises an OSError with that path.
 
         Raises InvalidInputError for a value out of range, OutsideDomainError with `strict`, NotFoundError for an
         unknown model. Failures of the network and of the service raise the other errors of `rover_twin_client.errors`.
@@ -149,14 +150,19 @@ class AsyncPredictionsClient(AsyncDrivesClient):
         """Predicts any number of scenarios, in the order given; one that is refused sinks no other.
 
         `scenarios` are mappings with `slope_deg`, `mass_kg`, `torque_nm`, and `horizon_s` where wanted; or these as
-        columns: a mapping of arrays, a table of pandas or polars. What is given as an argument is not in them: a number
-        holds for all, an array has one for each. Arrays alone do too: `predict_batch(slope_deg=[10, 20], mass_kg=430,
-        torque_nm=60)`. The other arguments are those of `predict`, for all of them.
+        columns: a mapping of arrays, a table of pandas or polars (that of a `Batch` too). What is given as an argument
+        is not in them: a number holds for all, an array has one for each. Arrays alone do too:
+        `predict_batch(slope_deg=[10, 20], mass_kg=430, torque_nm=60)`. The other arguments are those of `predict`, for
+        all of them.
 
-        The scenarios go in several requests, some at once; all are answered by one version. `progress=True` shows a
-        bar (of tqdm or rich where one is installed); a function is called with how many are done, and of how many.
+        A scenario that cannot be read, with a text for a mass or a field that there is not, is a failure like one that
+        the service refuses. So is a `horizon_s` of NaN; where it is None or missing, the service chooses.
 
-        Raises what `predict` raises for what concerns all of them.
+        The scenarios go in several requests, some at once; all are answered by one version. `progress=True` counts on
+        standard error, with a bar where tqdm or rich is installed and as a line of text elsewhere; a function is called
+        with how many are done, and of how many.
+
+        Raises what `predict` raises for what concerns all of them, and InvalidInputError when not one can be read.
         """
         own = {"slope_deg": slope_deg, "mass_kg": mass_kg, "torque_nm": torque_nm, "horizon_s": horizon_s}
         question = batch_calls.question(
@@ -175,7 +181,7 @@ class AsyncPredictionsClient(AsyncDrivesClient):
             await self._work(work, first=True)
             if work.workers():
                 await together(lambda: self._work(work), work.workers(), work.abandon)
-        return batch_parsing.batch(question.columns, work.pieces)
+        return batch_parsing.batch(question.columns, work.pieces, question.unreadable)
 
     async def _work(self, work: BatchWork, *, first: bool = False) -> None:
         while (span := work.take_first() if first else work.take()) is not None:

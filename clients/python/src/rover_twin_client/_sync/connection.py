@@ -29,6 +29,7 @@ from rover_twin_client.network import (
     checked_retries,
     checked_token,
     from_sending,
+    limits_of,
     named_failures,
     patient,
     request_of,
@@ -46,13 +47,15 @@ class Connection:
 
     `base_url` is the address of the service, with or without `/v1` at its end.
 
-    `timeout` limits connecting, sending and reading, in seconds each; an `httpx.Timeout` sets them one by one.
+    `timeout` limits connecting, sending and reading, in seconds each (up to a day); an `httpx.Timeout` sets them one by
+    one. One that is given holds for batches and drives too, which wait longer for their answers otherwise; an upload,
+    the events of a job and a live step always have waits of their own.
     `connections` (1 to 256) is how many requests are on their way at once. Further ones wait for their turn, as long
     as it takes: that is no time-out, because the clock of a request starts when it is sent.
     `retries` (0 to 10) is how many more times a call is tried, when the connection breaks or the service answers 503
     with a Retry-After of at most 10 s. `transport` replaces the network, for example with a proxy or in a test.
 
-    Raises ValueError for an argument that cannot be used.
+    Raises ValueError for an argument that cannot be used. A call raises RuntimeError once the client is closed.
     """
 
     def __init__(
@@ -69,6 +72,7 @@ class Connection:
         self._retries = checked_retries(retries)
         self._credentials = checked_token(token)
         self._gate = Gate(checked_connections(connections))
+        self._has_default_timeout = timeout is DEFAULT_TIMEOUT
         self._http = httpx.Client(
             base_url=self._url, headers=HEADERS, timeout=from_sending(timeout), limits=UNLIMITED, transport=transport
         )
@@ -91,13 +95,24 @@ class Connection:
         return answer
 
     def _attempt(self, call: Call[Answer], files: dict[str, Any] | None) -> Answer:
+        self._require_usable()
         with self._gate:
             response = self._sent(call, files)
         return call.read(response.status_code, response.headers, response.content)
 
     def _sent(self, call: Call[Answer], files: dict[str, Any] | None) -> httpx.Response:
         with named_failures(self._url):
-            return self._http.send(request_of(self._http, call, files, self._credentials))
+            return self._http.send(self._request(call, files))
+
+    def _request(self, call: Call[Any], files: dict[str, Any] | None) -> httpx.Request:
+        self._require_usable()
+        timeout = limits_of(call, self._http.timeout, is_default=self._has_default_timeout)
+        return request_of(self._http, call, files, self._credentials, timeout)
+
+    def _require_usable(self) -> None:
+        if self._http.is_closed:
+            raise RuntimeError("this client was closed: make another one")
+        self._gate.require_home()
 
     def _answer_as(
         self, call: Call[Answer], form: str | None, save_to: str | os.PathLike[str] | None
@@ -115,9 +130,10 @@ class Connection:
         return saved
 
     def _attempt_to_save(self, call: Call[bytes], path: Path) -> Path:
+        self._require_usable()
         with self._gate, ExitStack() as opened:
             opened.enter_context(named_failures(self._url))
-            response = self._http.send(request_of(self._http, call, None, self._credentials), stream=True)
+            response = self._http.send(self._request(call, None), stream=True)
             opened.callback(response.close)
             if response.status_code != httpx.codes.OK:
                 call.read(response.status_code, response.headers, response.read())
@@ -137,6 +153,7 @@ class Connection:
             stream.close()
 
     def _open_stream(self, path: str, following: Following) -> httpx.Response:
+        self._require_usable()
         headers = following.headers() | self._credentials
         timeout = patient(self._http.timeout, SILENCE_S)
         request = self._http.build_request("GET", path, headers=headers, timeout=timeout)
