@@ -81,7 +81,7 @@ def _rows(scenarios: Iterable[object], faults: Faults) -> dict[str, Array]:
     rows: list[dict[str, float]] = []
     for at, each in enumerate(scenarios):
         try:
-            rows.append(_row(at, each))
+            rows.append(_row(at, each, faults))
         except InvalidInputError as fault:
             faults[at] = fault
             rows.append({})
@@ -93,7 +93,8 @@ def _rows(scenarios: Iterable[object], faults: Faults) -> dict[str, Array]:
     return {name: np.array([row.get(name, math.nan) for row in rows], dtype=np.float64) for name in names}
 
 
-def _row(at: int, each: object) -> dict[str, float]:
+def _row(at: int, each: object, faults: Faults) -> dict[str, float]:
+    """The fields that can be read; adds the first other one to the faults. Raises InvalidInputError for no scenario."""
     if isinstance(each, Scenario):
         each = {name: getattr(each, name) for name in ASKED}
     if not isinstance(each, Mapping):
@@ -101,7 +102,13 @@ def _row(at: int, each: object) -> dict[str, float]:
     for name in each:
         if name not in ASKED:
             raise refused(f"scenarios[{at}]", str(name), "fields " + ", ".join(ASKED))
-    return {str(name): _number(f"scenarios[{at}].{name}", value) for name, value in each.items()}
+    row: dict[str, float] = {}
+    for name, value in each.items():
+        try:
+            row[name] = _number(f"scenarios[{at}].{name}", value)
+        except InvalidInputError as fault:
+            faults.setdefault(at, fault)
+    return row
 
 
 def _number(name: str, value: Any) -> float:  # noqa: ANN401 - whatever people have there

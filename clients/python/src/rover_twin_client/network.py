@@ -74,7 +74,7 @@ def _seconds(name: str, value: object) -> float | None:
     """A time in seconds; None is no limit."""
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, Real) or not 0 < value <= LONGEST_TIMEOUT_S:
+    if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) <= LONGEST_TIMEOUT_S:
         allowed = f"more than 0 and at most {LONGEST_TIMEOUT_S:g} seconds, or an httpx.Timeout of these"
         raise ValueError(f"{name} is {value!r}, allowed is {allowed}")
     return float(value)

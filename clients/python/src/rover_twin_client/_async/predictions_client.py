@@ -10,7 +10,8 @@ from typing import overload
 from rover_twin_client import batch_calls, batch_parsing, calls
 from rover_twin_client._async.drives_client import AsyncDrivesClient
 from rover_twin_client.answers import Frame, Prediction
-from rover_twin_client.batch_calls import BatchWork, Numbers, Scenarios
+from rover_twin_client.batch_calls import BatchWork
+from rover_twin_client.batch_columns import Numbers, Scenarios
 from rover_twin_client.batches import Batch
 from rover_twin_client.errors import RefusedError
 from rover_twin_client.progress import Progress, reporting
