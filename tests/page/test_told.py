@@ -39,6 +39,7 @@ def test_what_cannot_be_read_is_told_and_not_asked(seen, query, words):
     assert [each for each in seen.requests if "/v1/predictions" in each or "/v1/mobility" in each] == []
     assert page.locator("[data-shown]:visible").count() == 0
     if query.startswith("slope?slope_deg=28,5"):
+        assert seen.violations() == []
         assert page.locator("#field-slope_deg").get_attribute("aria-invalid") == "true"
         page.locator("#field-slope_deg").fill("20")
         page.wait_for_selector('[data-shown*="slope_deg=20"]')
