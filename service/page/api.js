@@ -38,6 +38,7 @@ export class Problem extends Error {
     this.fields = Array.isArray(document?.errors) ? document.errors : [];
     this.document = document;
     this.wait_s = wait_s;
+    this.unreachable = false; // nothing answers at all
   }
 }
 
@@ -81,8 +82,7 @@ export async function ask(path, { query, method, body, headers = {}, signal, dea
     });
   } catch (error) {
     if (signal?.aborted) throw error;
-    const words = late.aborted ? `no answer within ${deadline_s} s` : "the service cannot be reached";
-    throw new Problem(0, {}, words);
+    throw late.aborted ? new Problem(0, {}, `no answer within ${deadline_s} s`) : unreached();
   }
   if (!answer.ok) throw await refused(answer);
   return answer;
@@ -91,7 +91,16 @@ export async function ask(path, { query, method, body, headers = {}, signal, dea
 /** The same for an answer in JSON. @param {string} path @param {Parameters<typeof ask>[1]} [how] @returns {Promise<any>} */
 export async function askJson(path, how) {
   const answer = await ask(path, how);
-  return answer.json();
+  try {
+    return await answer.json();
+  } catch (error) {
+    if (how?.signal?.aborted) throw error;
+    throw unreached(); // the connection ended within the answer
+  }
+}
+
+function unreached() {
+  return Object.assign(new Problem(0, {}, "the service cannot be reached"), { unreachable: true });
 }
 
 /**
@@ -182,6 +191,12 @@ export class Newest {
     }
   }
 
+  /** Nobody wants an answer to what was asked so far. */
+  drop() {
+    this.next = undefined;
+    this.running?.abort();
+  }
+
   /** Nobody wants an answer any more. */
   end() {
     this.next = undefined;
@@ -197,10 +212,11 @@ export class Newest {
     const { signal } = this.running;
     try {
       const answer = await this.asked(question, signal);
-      this.answered(answer, question);
+      if (!signal.aborted) this.answered(answer, question);
     } catch (error) {
-      if (error instanceof Problem) this.failed(error, question);
-      else if (!signal.aborted) throw error;
+      if (signal.aborted) return;
+      if (!(error instanceof Problem)) throw error;
+      this.failed(error, question);
     } finally {
       clearTimeout(this.timer);
       this.timer = 0;

@@ -3,20 +3,15 @@
 //
 // A view is a module `views/NAME.js` with `mount(element, state)`, which returns, or promises, `{update(state), unmount()}`.
 
-import { onToken } from "./api.js";
+import { noAnswer, unreachable } from "./again.js";
+import { Problem, ask, download, hasToken, onToken } from "./api.js";
 import { h, say } from "./dom.js";
 import { lastOf, listen, read } from "./state.js";
 import { install } from "./token.js";
 
 /** @typedef {{update?: (state: import("./state.js").State) => void, unmount?: () => void}} View */
 
-/** @type {Record<string, {title: string, load: () => Promise<{mount: (element: HTMLElement, state: any) => View | Promise<View>}>}>} */
-const VIEWS = {
-  drive: { title: "Drive", load: () => import("./views/drive.js") },
-  slope: { title: "Slope", load: () => import("./views/slope.js") },
-  mobility: { title: "Mobility", load: () => import("./views/mobility.js") },
-  models: { title: "Models and training", load: () => import("./views/models.js") },
-};
+const VIEWS = new Map([["drive", "Drive"], ["slope", "Slope"], ["mobility", "Mobility"], ["models", "Models and training"]]);
 
 const main = /** @type {HTMLElement} */ (document.getElementById("main"));
 const links = /** @type {NodeListOf<HTMLAnchorElement>} */ (document.querySelectorAll("#views a"));
@@ -24,11 +19,15 @@ let name = "";
 /** @type {View} */
 let view = {};
 let turn = 0;
+let failed = 0; // modules that did not come: a browser may remember that of an address
 
 /** @param {import("./state.js").State} state @param {{first?: boolean}} [how] */
 async function show(state, { first = false } = {}) {
-  if (!(state.view in VIEWS)) {
+  const title = VIEWS.get(state.view);
+  if (!title) {
     stop();
+    mark();
+    document.title = "Rover Twin";
     main.replaceChildren(h("h1", {}, "No such view"), h("p", {}, `There is no view “${state.view}”. Choose one above.`));
     return;
   }
@@ -39,12 +38,11 @@ async function show(state, { first = false } = {}) {
   stop();
   name = state.view;
   const mine = ++turn;
-  const { title, load } = VIEWS[name];
   document.title = `${title} – Rover Twin`;
   mark();
   const room = h("div.view", { "data-view": name });
   try {
-    const module = await load();
+    const module = await loaded(name);
     if (mine !== turn) return;
     main.replaceChildren(room);
     const asked = location.hash;
@@ -57,13 +55,42 @@ async function show(state, { first = false } = {}) {
     if (location.hash !== asked) view.update?.(read());
   } catch (error) {
     if (mine !== turn) return;
-    console.error(error);
-    main.replaceChildren(h("h1", {}, title), h("p.notice.bad", { role: "alert" }, `This view could not be shown: ${error}`));
+    name = ""; // the next address tries anew
+    main.replaceChildren(h("h1", {}, title), failure(error));
   }
   if (first || mine !== turn) return;
   main.focus({ preventScroll: true });
   scrollTo(0, 0);
   say(title);
+}
+
+/** The module of a view. Raises Lost. @param {string} view @returns {Promise<{mount: (element: HTMLElement, state: any) => View | Promise<View>}>} */
+async function loaded(view) {
+  try {
+    return await import(`./views/${view}.js${failed ? `?again=${failed}` : ""}`);
+  } catch (error) {
+    failed += 1;
+    console.error(error);
+    throw new Lost();
+  }
+}
+
+/** A module did not come. */
+class Lost extends Error {}
+
+/** In place of a view that could not be shown. @param {unknown} error */
+function failure(error) {
+  const again = () => void show(read(), { first: true });
+  if (error instanceof Problem) return noAnswer(error, again);
+  if (!(error instanceof Lost)) {
+    console.error(error);
+    return h("p.notice.bad", { role: "alert" }, `This view could not be shown: ${error}`);
+  }
+  // A module that a view needs may be remembered as lost, too: only a new page forgets that, and with it a token.
+  if (!hasToken()) return unreachable(() => location.reload());
+  if (failed < 3) return unreachable(again);
+  return h("div.notice.bad", { role: "alert" }, h("p", {}, h("strong", {}, "A part of this page did not come. "), "Load the page again; it will ask for the token again."),
+    h("p.row", {}, h("button", { type: "button", click: () => location.reload() }, "Load the page again")));
 }
 
 function stop() {
@@ -88,6 +115,26 @@ for (const link of links) {
 document.getElementById("skip")?.addEventListener("click", (event) => {
   event.preventDefault(); // the address is the question's
   main.focus();
+});
+/** Links that a service may give only for a token, which a plain link cannot carry. @param {HTMLAnchorElement} link @param {(() => Promise<void>) | undefined} get */
+function guarded(link, get) {
+  const told = h("span", { role: "status" });
+  link.after(told);
+  link.addEventListener("click", async (event) => {
+    if (event.ctrlKey || event.metaKey || event.shiftKey) return;
+    event.preventDefault();
+    const { status } = await fetch(link.href, { credentials: "omit" }).catch(() => ({ status: 0 }));
+    told.textContent = "";
+    if (status === 401 && get) await get().catch((error) => { told.textContent = ` (${error.message})`; });
+    else if (status === 401) told.textContent = " (needs the token, which a link cannot carry: start with OpenAPI)";
+    else if (status === 0) told.textContent = " (the service cannot be reached)";
+    else location.assign(link.href);
+  });
+}
+
+guarded(/** @type {HTMLAnchorElement} */ (document.getElementById("docs")), undefined);
+guarded(/** @type {HTMLAnchorElement} */ (document.getElementById("openapi")), async () => {
+  await (hasToken() ? download("openapi.json", "openapi.json") : ask("openapi.json")); // without one, the answer asks for it
 });
 install(/** @type {HTMLElement} */ (document.getElementById("token")));
 onToken((wanted) => {

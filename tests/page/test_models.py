@@ -182,6 +182,9 @@ def test_a_job_is_asked_for_and_cancelled(open_at, admin_service):
     assert (asked["model"], asked["architecture"], asked["description"]) == ("viper-lunar", "zero", "to be cancelled")
     assert job in page.evaluate("location.hash")
     page.get_by_role("button", name="Cancel the job…").click()
+    page.get_by_role("dialog").get_by_role("button", name="Keep it running").click()
+    assert page.get_by_role("dialog").count() == 0
+    page.get_by_role("button", name="Cancel the job…").click()
     page.get_by_role("dialog").get_by_role("button", name="Cancel the job").click()
     page.locator("[data-job][data-state=cancelled]").wait_for()
 
@@ -293,6 +296,8 @@ def test_a_file_is_dropped_and_faults_are_told_at_their_fields(open_at, admin_se
 def test_an_upload_shows_how_far_it_is_and_can_be_cancelled(open_at, admin_service):
     seen = open_at(admin_service.url)
     page = opened(seen, "data")
+    page.set_input_files("#upload-file", {"name": "first.zip", "mimeType": "application/zip", "buffer": archive(2)})
+    page.locator("main").get_by_text("2 of 2 runs can be used").wait_for(timeout=60_000)
     slow = page.context.new_cdp_session(page)
     slow.send("Network.enable")
     limits = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 200_000}
@@ -300,6 +305,8 @@ def test_an_upload_shows_how_far_it_is_and_can_be_cancelled(open_at, admin_servi
     noise = np.random.default_rng(1).bytes(3_000_000)
     page.set_input_files("#upload-file", {"name": "noise.zip", "mimeType": "application/zip", "buffer": noise})
     page.get_by_text(re.compile(r"[2-9] % sent")).wait_for()
+    assert page.locator("[data-report]").count() == 0  # that of the first file does not stand under the second's name
+    assert page.get_by_role("button", name="Store it").is_hidden()
     page.get_by_role("button", name="Cancel").click()
 
     page.get_by_text("noise.zip (3.0 MB): cancelled.").wait_for()

@@ -126,6 +126,33 @@ def test_where_a_token_is_needed_the_page_asks_for_it_and_keeps_it_nowhere(open_
     page.get_by_role("dialog").wait_for()
 
 
+def test_with_a_token_the_footer_leads_on_and_a_service_that_was_away_is_found_again(
+    open_at, serve, store, publish, move
+):
+    move(store, publish(store))
+    running = serve(admin_token=TOKEN, require_token=True, start_worker=False)
+    seen = open_at(running.url)
+    seen.forgiven = ("401", "429", "ERR_FAILED", "Failed to fetch")
+    page = seen.go("#slope")
+    page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
+    page.get_by_role("link", name="OpenAPI").click()  # asks for the token
+    page.get_by_label("Token", exact=True).fill(TOKEN)
+    page.get_by_role("button", name="Use").click()
+    page.wait_for_selector("[data-shown]")
+    with page.expect_download() as loaded:
+        page.get_by_role("link", name="OpenAPI").click()
+    assert loaded.value.path().read_text().startswith('{"openapi"')
+    page.get_by_role("link", name="API documentation").click()
+    page.get_by_text("needs the token").wait_for()
+    page.route("**/*", lambda route: route.abort())
+    page.get_by_role("link", name="Mobility").click()
+    page.wait_for_selector("[data-unreachable]")
+    page.unroute("**/*")
+
+    page.wait_for_selector('.view[data-view="mobility"] [data-shown]')
+    assert page.get_by_role("button", name="Token in use").is_visible()
+
+
 @contextmanager
 def prefixed(origin: str) -> Iterator[str]:
     """A proxy that shows a service under `/rover/` and does not tell it."""

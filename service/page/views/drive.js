@@ -1,9 +1,10 @@
 // @ts-check
 // Drive: a rover over a track under controls. Where it is when, what happens on the way, and whether it should drive.
 
+import { noAnswer } from "../again.js";
 import { Newest, Problem, askJson } from "../api.js";
 import { Chart } from "../chart.js";
-import { NumberControl, versionControl } from "../controls.js";
+import { NumberControl, faultWords, versionControl } from "../controls.js";
 import { fill, h, later, say } from "../dom.js";
 import { fieldsOf, formsOf, knowledgeOf } from "../fields.js";
 import { elsewherePosted } from "../links.js";
@@ -15,7 +16,7 @@ import { Motion } from "./drive_motion.js";
 import { EXAMPLES, addressed, asked, exampleOf, questionFrom, scenarioOf, shareable } from "./drive_question.js";
 import { Stage } from "./drive_stage.js";
 import { TrackEditor } from "./drive_track.js";
-import { answered, facts, judged, happened, noAnswer } from "./drive_words.js";
+import { answered, facts, judged, happened } from "./drive_words.js";
 
 const POINTS = 600;
 const FINEST_S = 0.05;
@@ -107,6 +108,7 @@ class Drive {
   async update({ query }) {
     const { question, complaint } = questionFrom(query, this.question);
     this.question = question;
+    this.loader.quiet(); // what it said was of a track that is not shown any more
     this.#note(complaint);
     this.#set();
     await this.#domain();
@@ -217,6 +219,7 @@ class Drive {
     const ground = groundOf(question.track);
     if (!ground) return; // the service would have refused it
     this.#complain([]);
+    this.#stale(false);
     const { trajectory, band } = answer;
     const priorAt = prior && trajectory.time_s.length === prior.trajectory.time_s.length ? prior.prior.x_m : undefined;
     if (band && this.plots[0].what.band) this.plots[0].what.band.label = `${Math.round(band.level * 100)} % band`;
@@ -244,23 +247,35 @@ class Drive {
 
   /** @param {Problem} problem */
   #refused(problem) {
-    const rest = this.#complain(problem.fields);
-    fill(this.verdict, noAnswer(problem, rest));
-    for (const each of [this.facts, this.events, this.domain]) fill(each);
+    this.#complain(problem.type === "model-not-found" ? [{ field: "model", message: problem.message }] : problem.fields);
+    fill(this.verdict, noAnswer(problem, () => void this.#again()));
+    for (const each of [this.facts, this.events, this.domain, this.links]) fill(each);
+    this.#stale(true);
     say(problem.message);
   }
 
-  /** Say what is wrong where it is; returns what belongs to no control. @param {Problem["fields"]} faults */
+  /** The service may be there again. */
+  async #again() {
+    this.known = undefined;
+    void this.version.refill();
+    await this.#domain();
+    this.#ask();
+  }
+
+  /** The drive before is not shown beside what is told now. @param {boolean} yes */
+  #stale(yes) {
+    for (const each of [this.charts, this.stage.element]) each.classList.toggle("stale", yes);
+  }
+
+  /** Say what is wrong where it is. @param {Problem["fields"]} faults */
   #complain(faults) {
     const of = (/** @type {string} */ name) => faults.filter(({ field }) => field === name || field.startsWith(`${name}.`));
     for (const [name, control] of Object.entries({ ...this.numbers, ...this.optional })) {
       const [fault] = of(name);
-      if (fault || control.element.classList.contains("wrong")) control.complain(fault ? `Allowed is ${fault.allowed}` : "");
+      if (fault || control.element.classList.contains("wrong")) control.complain(faultWords(fault));
     }
     this.track.complain(of("track").map(({ message }) => message).join("; "));
     this.controls.complain(of("controls").map(({ message }) => message).join("; "));
     this.version.complain(of("model")[0]?.message ?? "");
-    const placed = [...Object.keys(this.numbers), ...Object.keys(this.optional), "track", "controls", "model"].flatMap(of);
-    return faults.filter((fault) => !placed.includes(fault));
   }
 }

@@ -87,7 +87,7 @@ export class ControlsEditor {
     }
     const number = (/** @type {"time_s" | "torque_nm"} */ name, /** @type {number} */ row) => h("input", { type: "number", step: "any", min: 0, value: this.controls[name][row], "data-cell": `${name}${row}`,
       "aria-label": `${name === "time_s" ? "From, s" : "Torque, N m"}, change ${row + 1}`, disabled: name === "torque_nm" ? brake[row] : row === 0,
-      input: (/** @type {any} */ event) => this.#typed(name, row, event.target.value), change: () => this.heard.commit(this.controls) });
+      input: (/** @type {any} */ event) => this.#typed(name, row, event.target.value), change: (/** @type {any} */ event) => this.#rested(name, row, event.target) });
     fill(this.rows, h("table", {}, h("thead", {}, h("tr", {}, ...["From (s)", "Torque (N m)", "Brake"].map((each) => h("th", { scope: "col" }, each)), h("th", { scope: "col" }, h("span.unseen", {}, "Remove")))),
       h("tbody", {}, ...time_s.map((_, row) => h("tr", {}, h("td", {}, number("time_s", row)), h("td", {}, number("torque_nm", row)),
         h("td", {}, h("input", { type: "checkbox", checked: brake[row], "aria-label": `Brake, change ${row + 1}`, change: (/** @type {any} */ event) => this.#lock(row, event.target.checked) })),
@@ -100,6 +100,12 @@ export class ControlsEditor {
     this.controls = { ...this.controls, [name]: this.controls[name].with(row, Number(text)) };
     this.draw();
     this.heard.input(this.controls);
+  }
+
+  /** A field was left: what is no number becomes again what was asked. @param {"time_s" | "torque_nm"} name @param {number} row @param {any} field */
+  #rested(name, row, field) {
+    field.value = this.controls[name][row];
+    this.heard.commit(this.controls);
   }
 
   /** @param {number} row @param {boolean} locked */

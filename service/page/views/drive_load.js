@@ -31,6 +31,12 @@ export class ProfileLoader {
     this.element = h("div", {}, drop, this.said, this.notes);
   }
 
+  /** Say nothing any more of what was loaded, or could not be. */
+  quiet() {
+    this.said.hidden = true;
+    this.said.textContent = this.notes.textContent = "";
+  }
+
   /** @param {Promise<string>} coming @param {string} name */
   async #take(coming, name) {
     try {

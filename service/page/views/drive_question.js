@@ -4,6 +4,7 @@
 // In the address a track is `slopes=0:10,2:20` (distance:slope) or `elevations=0:0,4:1.1` (horizontal:elevation), and
 // controls are `torques=0:100,6:brake,8:110` (time:torque), as in clients/curl/drive.sh.
 
+import { checked, numberOf, short } from "../query.js";
 import { groundOf } from "./drive_ground.js";
 
 /** @typedef {import("./drive_ground.js").Track} Track */
@@ -24,6 +25,7 @@ export const EXAMPLES = {
     track: { kind: "slopes", x: [0, 2, 4, 6], y: [10, 20, 30, 31] } },
   one: { words: "One slope (with the prior)", torques: "0:60", horizon: 20, track: { kind: "slopes", x: [0], y: [25] } },
 };
+const ASKED = { numbers: ["mass_kg", "horizon_s", "until_distance_m", "start_speed_m_s"], words: ["slopes", "elevations", "torques", "model"] };
 const FIRST = "rim";
 const LONGEST = 6000; // characters of a track in the address
 const FROM_FILE = "file"; // in place of a track that is longer
@@ -65,10 +67,14 @@ function trackFrom(query) {
  * @returns {{question: Question, complaint: string}}
  */
 export function questionFrom(query, now) {
-  const number = (/** @type {string} */ name) => {
-    const text = query.get(name);
-    return text !== null && text.trim() !== "" && Number.isFinite(Number(text)) ? Number(text) : null;
-  };
+  const { faults, unknown } = checked(query, ASKED);
+  const wrong = faults.map(({ message }) => message);
+  if (query.has("slopes") && query.has("elevations")) wrong.push("there are slopes and elevations, where a track has one of them");
+  if (wrong.length) {
+    const none = questionFrom(new URLSearchParams(), undefined).question;
+    return { complaint: `This address cannot be read: ${wrong.join("; ")}. Here is an example.`, question: { ...none, model: query.get("model") ?? "" } };
+  }
+  const number = (/** @type {string} */ name) => numberOf(query.get(name)) ?? null;
   const given = query.get("slopes") ?? query.get("elevations");
   const example = EXAMPLES[FIRST];
   let complaint = "";
@@ -80,6 +86,7 @@ export function questionFrom(query, now) {
   const told = query.get("torques");
   const controls = controlsFrom(told);
   if (told !== null && !controls && !complaint) complaint = "The controls of this address cannot be read; here is an example.";
+  if (unknown.length && !complaint) complaint = `This view does not know ${unknown.slice(0, 12).map((each) => `“${short(each)}”`).join(", ")} of this address, and leaves it out.`;
   const fresh = given === null || !track;
   return { complaint, question: {
     mass_kg: number("mass_kg") ?? 430,

@@ -316,7 +316,7 @@ export class TrackEditor {
     const [across, up] = kind === "slopes" ? ["distance_m", "slope_deg"] : ["horizontal_m", "elevation_m"];
     const cell = (/** @type {"x" | "y"} */ axis, /** @type {number} */ knot, /** @type {string} */ field) => h("td", {}, h("input", { type: "number", step: "any", value: this.track[axis][knot],
       "aria-label": `${field} of knot ${knot + 1}`, "data-cell": `${axis}${knot}`, input: (/** @type {any} */ event) => this.#typed(axis, knot, event.target.value),
-      change: () => this.heard.commit(this.track) }));
+      change: (/** @type {any} */ event) => { event.target.value = this.track[axis][knot]; this.heard.commit(this.track); } })); // what is no number becomes again what was asked
     fill(this.rows, h("table", {}, h("thead", {}, h("tr", {}, ...["Knot", across, up].map((each) => h("th", { scope: "col" }, each)), h("th", { scope: "col" }, h("span.unseen", {}, "Remove")))),
       h("tbody", {}, ...x.map((_, knot) => h("tr", {}, h("th", { scope: "row" }, knot + 1), cell("x", knot, across), cell("y", knot, up),
         h("td", {}, h("button", { type: "button", disabled: x.length <= least, "aria-label": `Remove knot ${knot + 1}`, click: (/** @type {any} */ event) => {

@@ -75,9 +75,3 @@ export function happened({ events, events_left_out }, seek) {
       h("span", {}, " ", datum("time_s", time_s, 1, "s"), ", ", datum("x_m", x_m, 2, "m")))))),
   events_left_out > 0 && h("p.small", {}, `and ${events_left_out} more`));
 }
-
-/** In place of an answer. @param {import("../api.js").Problem} problem @param {{message: string}[]} rest  what belongs to no field */
-export function noAnswer(problem, rest) {
-  const words = problem.fields.length && !rest.length ? "Look at the marked fields." : problem.message;
-  return h("div.notice.bad.verdict", { "data-verdict": "none" }, h("strong", {}, `${problem.title}. `), words);
-}

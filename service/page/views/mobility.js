@@ -1,16 +1,19 @@
 // @ts-check
 // Mobility: for one mass, which slopes each torque climbs, and how steep with confidence.
 
+import { noAnswer } from "../again.js";
 import { Newest, askJson } from "../api.js";
-import { NumberControl, versionControl } from "../controls.js";
+import { NumberControl, faultWords, versionControl } from "../controls.js";
 import { datum, fill, h, later, percent, say, shown } from "../dom.js";
 import { fieldsOf, formsOf, knowledgeOf } from "../fields.js";
 import { elsewhere } from "../links.js";
+import { checked, leftOut, numberOf, short, unreadable } from "../query.js";
 import { go, write } from "../state.js";
 import { LAYERS, MobilityMap } from "./mobility_map.js";
 
 const NAMES = /** @type {const} */ ({ mass_kg: "Mass", horizon_s: "Time", confidence: "Confidence" });
 const RANGES = /** @type {const} */ (["torque_min_nm", "torque_max_nm", "slope_min_deg", "slope_max_deg"]);
+const ASKED = { numbers: [...Object.keys(NAMES), ...RANGES], words: ["model", "layer"] };
 const STEPS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 const FINEST = { torque: 1, slope: 0.5 };
 const MOST = { torque: 28, slope: 41 }; // cells of the whole map
@@ -41,6 +44,7 @@ class Mobility {
       min: fields[name].minimum, max: fields[name].maximum, change: () => { this.#committed(); } })]));
     this.reading = h("p.reading", { role: "status" }, "Point at the map, or use the arrow keys. A click or Enter opens the slope.");
     this.map = new MobilityMap({ read: (words) => { this.reading.textContent = words; }, take: (torque, slope) => this.#take(torque, slope) });
+    this.note = h("div");
     this.answerRoom = h("div", {}, h("p.notice", {}, "The map is being made."));
     this.legend = h("ul.legend", { "aria-label": "What the colours mean" });
     this.steepest = h("div.steepest", { tabindex: "0", role: "region", "aria-label": "Steepest slope of each torque" });
@@ -57,36 +61,42 @@ class Mobility {
   /** @param {HTMLElement} element */
   #lay(element) {
     this.details = h("details", { toggle: () => this.#fillCells() }, h("summary", {}, "All cells as a table"), this.cells);
+    this.shown = h("div.stack", {}, h("div.row", {}, h("span.choice", { role: "group", "aria-label": "Shown" }, ...this.layers), this.legend),
+      h("div.map-and-table", {}, h("div", {}, this.map.element, this.reading), this.steepest), this.details);
     const pair = (/** @type {string} */ words, /** @type {string} */ low, /** @type {string} */ high) => h("fieldset.pair", {}, h("legend", {}, words),
       h("label", {}, "from", this.ranges[low]), h("label", {}, "to", this.ranges[high]));
-    this.complaint = h("p.hint");
+    this.complaint = h("p.fault");
     element.append(
       h("div.head", {}, h("h1", {}, "Mobility map"), h("p", {}, "Which slopes does each wheel torque climb, and how steep may it be?")),
       h("div.columns", {},
         h("form.card", { "aria-label": "Map", submit: (/** @type {Event} */ event) => event.preventDefault() },
           ...Object.values(this.controls).map((each) => each.element), this.version.element,
-          h("details", {}, h("summary", {}, "Other ranges"), pair("Wheel torque (N m)", "torque_min_nm", "torque_max_nm"),
-            pair("Slope (°)", "slope_min_deg", "slope_max_deg")), this.complaint),
-        h("div.stack", {}, h("div.card.stack", {}, this.answerRoom,
-          h("div.row", {}, h("span.choice", { role: "group", "aria-label": "Shown" }, ...this.layers), this.legend),
-          h("div.map-and-table", {}, h("div", {}, this.map.element, this.reading), this.steepest), this.details),
+          this.other = h("details", {}, h("summary", {}, "Other ranges"), pair("Wheel torque (N m)", "torque_min_nm", "torque_max_nm"),
+            pair("Slope (°)", "slope_min_deg", "slope_max_deg"), this.complaint)),
+        h("div.stack", {}, h("div.card.stack", {}, this.note, this.answerRoom, this.shown),
         h("div.card", {}, h("h2", {}, "The same question elsewhere"), this.links))));
   }
 
   /** @param {import("../state.js").State} state */
   async update({ query }) {
-    for (const [name, control] of Object.entries(this.controls)) {
-      const text = query.get(name);
-      control.set(text !== null && text.trim() !== "" && Number.isFinite(Number(text)) ? Number(text) : control.field.start);
-    }
+    const { faults, unknown } = checked(query, ASKED);
+    for (const [name, control] of Object.entries(this.controls)) control.set(numberOf(query.get(name)) ?? control.field.start);
     this.version.set(query.get("model") ?? "");
     const layer = query.get("layer") ?? "outcome";
-    this.map.layer = /** @type {any} */ (layer in LAYERS ? layer : "outcome");
-    for (const name of RANGES) this.ranges[name].value = query.get(name) ?? "";
+    this.map.layer = /** @type {any} */ (Object.hasOwn(LAYERS, layer) ? layer : "outcome");
+    if (layer && layer !== this.map.layer) faults.push({ field: "layer", message: `layer is “${short(layer)}”, allowed is ${Object.keys(LAYERS).join(", ")}` });
+    for (const name of RANGES) this.ranges[name].value = numberOf(query.get(name)) ?? "";
+    fill(this.note, leftOut(unknown));
     await this.#domain();
     this.#mark();
     this.rest.cancel();
-    this.#ask(FEWER); // soon something, then all
+    if (!faults.length) this.#ask(FEWER); // soon something, then all
+    else {
+      this.newest.drop();
+      this.#clear(unreadable(faults));
+      this.#complain(faults);
+      say("This address cannot be read");
+    }
   }
 
   unmount() {
@@ -115,6 +125,7 @@ class Mobility {
 
   #changed() {
     this.rest.cancel();
+    fill(this.note);
     this.#ask(FEWER);
   }
 
@@ -134,11 +145,12 @@ class Mobility {
   }
 
   #write() {
+    fill(this.note);
     write("mobility", { ...this.#chosen(), ...(this.map.layer === "outcome" ? {} : { layer: this.map.layer }) });
   }
 
-  /** @param {{torque: number, slope: number}} cells  at most so many */
-  #ask(cells) {
+  /** @param {{torque: number, slope: number}} cells  at most so many @returns {Record<string, any>} */
+  #question(cells) {
     const chosen = this.#chosen();
     const [torque, slope] = /** @type {const} */ (["torque", "slope"]).map((axis) => {
       const unit = axis === "torque" ? "nm" : "deg";
@@ -150,21 +162,27 @@ class Mobility {
       const ends = [given[0] ?? Math.max(field.minimum, Math.floor(low / step) * step), given[1] ?? Math.min(field.maximum, Math.ceil(high / step) * step)];
       return { [names[0]]: ends[0], [names[1]]: ends[1], [`${axis}_steps`]: Math.max(2, Math.round((ends[1] - ends[0]) / step) + 1) };
     });
+    return { ...chosen, ...torque, ...slope };
+  }
+
+  /** @param {{torque: number, slope: number}} cells  at most so many */
+  #ask(cells) {
     this.map.element.classList.toggle("waiting", cells === MOST && this.map.answer !== undefined);
-    this.newest.ask({ asked: { ...chosen, ...torque, ...slope }, cells });
+    this.newest.ask({ asked: this.#question(cells), cells });
   }
 
   /** @param {any} answer @param {Record<string, any>} asked @param {{torque: number, slope: number}} cells */
   #show(answer, asked, cells) {
     this.answer = answer;
     this.#complain([]);
+    this.shown.classList.remove("stale");
     this.map.element.classList.remove("waiting");
     this.map.show(answer);
     fill(this.legend, ...this.map.legend());
-    fill(this.answerRoom, this.#sentence(answer));
+    fill(this.answerRoom, cells === MOST ? this.#sentence(answer) : h("p.notice", { "data-rough": "" }, h("strong", {}, "A rough map. "), "It is being refined."));
     this.#fillSteepest(answer);
     this.#fillCells();
-    fill(this.links, elsewhere("v1/mobility", asked, this.forms));
+    fill(this.links, elsewhere("v1/mobility", this.#question(MOST), this.forms)); // of the whole map, also while a rough one is shown
     this.map.element.dataset.cells = cells === MOST ? "all" : "few";
     if (cells !== MOST) this.rest.call();
     else say(this.answerRoom.textContent);
@@ -230,23 +248,41 @@ class Mobility {
 
   /** @param {import("../api.js").Problem} problem */
   #refused(problem) {
-    this.map.element.classList.remove("waiting");
-    const rest = this.#complain(problem.fields);
-    fill(this.answerRoom, h("div.notice.bad", {}, h("strong", {}, `${problem.title}. `),
-      problem.fields.length && !rest.length ? "Look at the marked fields." : problem.message));
+    this.#clear(noAnswer(problem, () => void this.#again()));
+    this.#complain(problem.type === "model-not-found" ? [{ field: "model", message: problem.message }] : problem.fields);
     say(problem.message);
+  }
+
+  /** The service may be there again. */
+  async #again() {
+    this.known = undefined;
+    void this.version.refill();
+    await this.#domain();
+    this.#ask(MOST);
+  }
+
+  /** Nothing of the map before stays beside what is told now. @param {HTMLElement} words */
+  #clear(words) {
+    this.rest.cancel();
+    this.map.element.classList.remove("waiting");
+    fill(this.answerRoom, words);
+    fill(this.links);
+    this.shown.classList.add("stale");
   }
 
   /** @param {import("../api.js").Problem["fields"]} faults */
   #complain(faults) {
     for (const control of Object.values(this.controls)) {
       const fault = faults.find(({ field }) => field === control.field.name);
-      if (fault || control.element.classList.contains("wrong")) control.complain(fault ? `Allowed is ${fault.allowed}` : "");
+      if (fault || control.element.classList.contains("wrong")) control.complain(faultWords(fault));
     }
     this.version.complain(faults.find(({ field }) => field === "model")?.message ?? "");
     const ranges = faults.filter(({ field }) => RANGES.some((each) => each === field));
-    for (const name of RANGES) this.ranges[name].toggleAttribute("aria-invalid", ranges.some(({ field }) => field === name));
+    for (const name of RANGES) {
+      if (ranges.some(({ field }) => field === name)) this.ranges[name].setAttribute("aria-invalid", "true");
+      else this.ranges[name].removeAttribute("aria-invalid");
+    }
     this.complaint.textContent = ranges.map(({ message }) => message).join("; ");
-    return faults.filter(({ field }) => !(field in this.controls) && field !== "model" && !ranges.some((each) => each.field === field));
+    if (ranges.length) this.other.open = true;
   }
 }

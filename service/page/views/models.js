@@ -4,6 +4,7 @@
 import { Problem } from "../api.js";
 import { fill, h } from "../dom.js";
 import { models } from "../fields.js";
+import { checked, leftOut, short, unreadable } from "../query.js";
 import { addressOf, read } from "../state.js";
 import { mount as aliases } from "./models/aliases.js";
 import { mount as card } from "./models/card.js";
@@ -21,6 +22,7 @@ const PARTS = {
   data: { words: "Data", mount: data },
   jobs: { words: "Training", mount: jobs },
 };
+const ASKED = { numbers: ["slope_deg", "mass_kg", "torque_nm", "horizon_s"], words: ["model", "version", "show", "with", "job", "dataset"] };
 const FIRST = "card";
 const RECENT = 12; // versions of a model in the list
 
@@ -42,8 +44,9 @@ class Models {
     this.list = h("nav.card.stack", { "aria-label": "Models and versions" });
     this.tabs = h("ul.parts");
     this.room = h("div");
+    this.note = h("div");
     element.append(h("div.head", {}, h("h1", {}, "Models and training"), h("p", {}, "Which version predicts, how good is it, and how is a better one made?")),
-      h("div.columns.models", {}, this.list, h("div.stack", {}, h("nav", { "aria-label": "Parts of this view" }, this.tabs), this.room)));
+      h("div.columns.models", {}, this.list, h("div.stack", {}, h("nav", { "aria-label": "Parts of this view" }, this.tabs), this.note, this.room)));
   }
 
   /** @param {import("../state.js").State} state */
@@ -58,10 +61,26 @@ class Models {
     if (this.gone) return;
     const chosen = this.#chosen(state, this.all);
     const asked = state.query.get("show") ?? FIRST;
-    const name = asked in PARTS ? asked : FIRST;
+    const name = Object.hasOwn(PARTS, asked) ? asked : FIRST;
+    const { faults, unknown } = this.#checked(state, chosen);
     this.#fillList(chosen);
     refill(this.tabs, ...Object.entries(PARTS).map(([key, { words }]) => h("li", {}, this.#tab(chosen, key, words, key === name))));
-    await this.#show(name, chosen);
+    fill(this.note, leftOut(unknown));
+    if (faults.length) fill(this.room, h("div.card", {}, unreadable(faults)));
+    else await this.#show(name, chosen);
+  }
+
+  /** What of the address cannot be read. @param {import("../state.js").State} state @param {import("./models/show.js").Chosen} chosen */
+  #checked({ query }, { models: all, name }) {
+    const { faults, unknown } = checked(query, ASKED);
+    const told = (/** @type {string} */ field, /** @type {boolean} */ holds, /** @type {string} */ message) => {
+      if (query.get(field) && !holds && !faults.some((each) => each.field === field)) faults.push({ field, message });
+    };
+    const [show, version] = ["show", "version"].map((field) => query.get(field) ?? "");
+    const model = all.find((each) => each.name === name);
+    told("show", Object.hasOwn(PARTS, show), `show is “${short(show)}”, allowed is ${Object.keys(PARTS).join(", ")}`);
+    told("version", /^[0-9]{1,9}$/.test(version) || Object.hasOwn(model?.aliases ?? {}, version), `version is “${short(version)}”, which is neither a number nor an alias of ${short(name)}`);
+    return { faults, unknown };
   }
 
   unmount() {
@@ -83,9 +102,15 @@ class Models {
       this.parts.set(name, there);
     }
     if (there.room.parentElement !== this.room || this.room.children.length > 1) fill(this.room, there.room);
-    const part = await there.part;
-    if (this.gone) part.unmount?.();
-    else await part.update(chosen);
+    try {
+      const part = await there.part;
+      if (this.gone) part.unmount?.();
+      else await part.update(chosen);
+    } catch (error) {
+      if (!(error instanceof Problem)) throw error;
+      this.parts.delete(name); // it was not made
+      if (!this.gone) fill(this.room, h("div.card", {}, refusal(error, () => void this.#show(name, chosen))));
+    }
   }
 
   /** @param {import("../state.js").State} state @param {import("../fields.js").ModelEntry[]} all @returns {import("./models/show.js").Chosen} */
@@ -97,7 +122,8 @@ class Models {
     const named = new Map(Object.entries(model?.aliases ?? {})).get(asked || "champion");
     const version = /^[0-9]+$/.test(asked) ? Number(asked) : named ?? model?.versions.at(-1) ?? 1;
     const to = (/** @type {Record<string, string | number>} */ changes) => {
-      const next = new URLSearchParams(read().view === "models" ? read().query : query);
+      const told = read().view === "models" ? read().query : query;
+      const next = new URLSearchParams([...told].filter(([key]) => [...ASKED.numbers, ...ASKED.words].includes(key))); // a link does not lead to what cannot be read again
       if (name) next.set("model", name);
       if (asked) next.set("version", String(version));
       for (const [key, value] of Object.entries(changes)) {

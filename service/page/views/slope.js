@@ -1,17 +1,21 @@
 // @ts-check
 // Slope: one scenario by sliders. Where the rover goes, how sure that is, and whether it should drive.
 
+import { noAnswer } from "../again.js";
 import { Newest, Problem, askJson } from "../api.js";
 import { Chart } from "../chart.js";
-import { NumberControl, versionControl } from "../controls.js";
+import { NumberControl, faultWords, versionControl } from "../controls.js";
 import { fill, h, later, say } from "../dom.js";
 import { fieldsOf, formsOf, knowledgeOf } from "../fields.js";
 import { elsewhere } from "../links.js";
+import { checked, leftOut, numberOf, unreadable } from "../query.js";
 import { addressOf, write } from "../state.js";
-import { answered, facts, judged, nearest, noAnswer } from "./slope_words.js";
+import { answered, facts, judged, nearest } from "./slope_words.js";
 
 const NAMES = /** @type {const} */ ({ slope_deg: "Slope", mass_kg: "Mass", torque_nm: "Wheel torque", horizon_s: "Time" });
+const ASKED = { numbers: Object.keys(NAMES), words: ["model"] };
 const POINTS = 200;
+const COARSEST_S = 60; // as the service allows; a time that is too long is not to be told as a wrong step
 const REST_MS = 250; // after the last change, before what may wait is asked
 const KEEP_MS = 400;
 const DOMAIN_MS = 1000; // so long the first question waits for the ranges of the version
@@ -43,6 +47,7 @@ class Slope {
     this.answer = undefined;
     /** @type {Question | undefined} what was asked for it by the sliders, and by all of the address */
     this.asked = this.question = undefined;
+    this.note = h("div");
     this.verdict = h("div");
     this.facts = h("dl.facts");
     this.domain = h("div");
@@ -74,22 +79,35 @@ class Slope {
         h("form.card", { "aria-label": "Scenario", submit: (/** @type {Event} */ event) => event.preventDefault() },
           ...Object.values(this.controls).map((each) => each.element), this.version.element,
           h("p.small.muted", {}, "The coloured part of a slider is where the version has seen runs.")),
-        h("div.stack", {}, h("div.card.stack", {}, this.verdict, this.facts, this.domain, this.near), this.charts,
+        h("div.stack", {}, h("div.card.stack", {}, this.note, this.verdict, this.facts, this.domain, this.near), this.charts,
           h("div.card", {}, h("h2", {}, "The same question elsewhere"), this.links))));
   }
 
   /** @param {import("../state.js").State} state */
   async open(state) {
-    this.#take(state.query);
+    const faults = this.#take(state.query);
     await Promise.race([this.#domain(), new Promise((resolve) => setTimeout(resolve, DOMAIN_MS))]);
-    this.#ask();
+    this.#askUnless(faults);
   }
 
   /** @param {import("../state.js").State} state */
   async update(state) {
-    this.#take(state.query);
+    const faults = this.#take(state.query);
     await this.#domain();
-    this.#ask();
+    this.#askUnless(faults);
+  }
+
+  /** What cannot be read is told, and nothing is asked. @param {import("../query.js").Fault[]} faults */
+  #askUnless(faults) {
+    if (!faults.length) {
+      this.#ask();
+      return;
+    }
+    this.#quiet();
+    this.newest.drop();
+    this.#clear(unreadable(faults));
+    this.#complain(faults);
+    say("This address cannot be read");
   }
 
   unmount() {
@@ -101,13 +119,13 @@ class Slope {
     this.speed.destroy();
   }
 
-  /** @param {URLSearchParams} query */
+  /** @param {URLSearchParams} query @returns {import("../query.js").Fault[]} what of it cannot be read */
   #take(query) {
-    for (const [name, control] of Object.entries(this.controls)) {
-      const text = query.get(name);
-      control.set(text !== null && text.trim() !== "" && Number.isFinite(Number(text)) ? Number(text) : control.field.start);
-    }
+    const { faults, unknown } = checked(query, ASKED);
+    for (const [name, control] of Object.entries(this.controls)) control.set(numberOf(query.get(name)) ?? control.field.start);
     this.version.set(query.get("model") ?? "");
+    fill(this.note, leftOut(unknown));
+    return faults;
   }
 
   async #domain() {
@@ -129,11 +147,13 @@ class Slope {
 
   #changed() {
     this.keep.call();
+    fill(this.note);
     this.#ask();
   }
 
   #committed() {
     this.keep.cancel();
+    fill(this.note);
     write("slope", this.#asked());
   }
 
@@ -144,9 +164,14 @@ class Slope {
     return asked;
   }
 
-  #ask() {
+  /** What may wait of the last answer is not wanted any more. */
+  #quiet() {
     this.rest.cancel();
     this.judging.abort();
+  }
+
+  #ask() {
+    this.#quiet();
     this.newest.ask(this.#asked());
   }
 
@@ -154,7 +179,7 @@ class Slope {
   async #predict(asked, signal) {
     const horizon = Number(asked.horizon_s);
     const include = this.parts; // may be others when the answer comes
-    const question = { ...asked, dt_s: Number(Math.max(0.0001, horizon / POINTS).toPrecision(4)), include };
+    const question = { ...asked, dt_s: Number(Math.min(COARSEST_S, Math.max(0.0001, horizon / POINTS)).toPrecision(4)), include };
     try {
       return { answer: await askJson("v1/predictions", { query: question, signal }), question };
     } catch (error) {
@@ -171,6 +196,7 @@ class Slope {
     const { trajectory, prior, band } = answer;
     Object.assign(this, { answer, question, asked });
     this.#complain([]);
+    this.charts.classList.remove("stale");
     if (band && this.position.what.band) this.position.what.band.label = `${Math.round(band.level * 100)} % band`;
     this.position.show({ ...trajectory, prior_x_m: prior?.x_m, x_lower_m: band?.x_lower_m, x_upper_m: band?.x_upper_m });
     this.speed.show(trajectory);
@@ -220,21 +246,37 @@ class Slope {
 
   /** @param {Problem} problem */
   #refused(problem) {
-    const rest = this.#complain(problem.fields);
-    fill(this.verdict, noAnswer(problem, rest));
-    fill(this.facts);
-    fill(this.domain);
+    this.#quiet();
+    this.#clear(noAnswer(problem, () => void this.#again()));
+    this.#complain(problem.type === "model-not-found" ? [{ field: "model", message: problem.message }] : problem.fields);
     say(problem.message);
   }
 
-  /** Say what is wrong where it is; returns what belongs to no control. @param {Problem["fields"]} faults */
+  /** The service may be there again. */
+  async #again() {
+    this.known = undefined;
+    void this.version.refill();
+    await this.#domain();
+    this.#ask();
+  }
+
+  /** Nothing of the answer before stays beside what is told now. @param {HTMLElement} words */
+  #clear(words) {
+    this.answer = this.asked = undefined;
+    fill(this.verdict, words);
+    delete this.verdict.dataset.judged;
+    for (const each of [this.facts, this.domain, this.links]) fill(each);
+    this.near.hidden = true;
+    this.charts.classList.add("stale");
+  }
+
+  /** Say what is wrong where it is. @param {Problem["fields"]} faults */
   #complain(faults) {
     for (const control of Object.values(this.controls)) {
       const fault = faults.find(({ field }) => field === control.field.name);
-      if (fault || control.element.classList.contains("wrong")) control.complain(fault ? `Allowed is ${fault.allowed}` : "");
+      if (fault || control.element.classList.contains("wrong")) control.complain(faultWords(fault));
     }
     const model = faults.find(({ field }) => field === "model");
     this.version.complain(model?.message ?? "");
-    return faults.filter(({ field }) => !(field in this.controls) && field !== "model");
   }
 }

@@ -61,9 +61,3 @@ export function judged(answer, map, drive) {
     h("p", {}, h("strong", {}, head), ` ${outcome} ${limit}`),
     chances && h("p.small", {}, "Chances: ", Object.entries(CHANCES).map(([name, words]) => `${words} ${percent(chances[name])}`).join(", "), "."));
 }
-
-/** In place of an answer. @param {import("../api.js").Problem} problem @param {{message: string}[]} faults */
-export function noAnswer(problem, faults) {
-  const words = problem.fields.length && !faults.length ? "Look at the marked fields." : problem.message;
-  return h("div.notice.bad.verdict", { "data-verdict": "none" }, h("strong", {}, `${problem.title}. `), words);
-}

@@ -26,7 +26,8 @@ async function historyOf(name, alias) {
 /** @param {HTMLElement} room @returns {import("./show.js").Part} */
 export function mount(room) {
   let turn = 0;
-  return {
+  /** @type {import("./show.js").Part} */
+  const part = {
     unmount: () => { turn += 1; },
     async update(chosen) {
       const mine = ++turn;
@@ -42,10 +43,11 @@ export function mount(room) {
         room.dataset.shown = chosen.name;
       } catch (error) {
         if (!(error instanceof Problem)) throw error;
-        if (mine === turn) fill(room, h("div.card", {}, refusal(error)));
+        if (mine === turn) fill(room, h("div.card", {}, refusal(error, () => void part.update(chosen))));
       }
     },
   };
+  return part;
 }
 
 /** @param {Chosen} chosen @param {string} alias @param {Alias[]} history */

@@ -5,7 +5,6 @@ import { Problem, address, ask, askJson, download, hasToken } from "../../api.js
 import { datum, fill, h, percent, shown } from "../../dom.js";
 import { addressOf } from "../../state.js";
 import { promote } from "./aliases.js";
-import { datasets } from "./datasets.js";
 import { confirm, whenAdmitted } from "./dialogs.js";
 import { bar, byRegime, leftOut, metres, spread } from "./evidence.js";
 import { bytes, counted, facts, fold, picture, refusal, short, table, when } from "./show.js";
@@ -19,7 +18,8 @@ const WORDS = { published: "in use", archived: "archived", deleted: "deleted" };
 /** @param {HTMLElement} room @returns {import("./show.js").Part} */
 export function mount(room) {
   let asking = new AbortController();
-  return {
+  /** @type {import("./show.js").Part} */
+  const part = {
     unmount: () => asking.abort(),
     async update(chosen) {
       asking.abort();
@@ -27,7 +27,7 @@ export function mount(room) {
       const { signal } = asking;
       const path = `v1/models/${encodeURIComponent(chosen.name)}/versions/${chosen.version}`;
       try {
-        const [manifest, state, names] = await Promise.all([askJson(path, { signal }), askJson(`${path}/state`, { signal }), datasetNames(signal)]);
+        const [manifest, state, names] = await Promise.all([askJson(path, { signal }), askJson(`${path}/state`, { signal }), datasetNames(path, signal)]);
         if (signal.aborted) return;
         const figures = h("div", { hidden: true });
         fill(room, head(chosen, manifest, state), errors(manifest), band(manifest), domain(manifest), lineage(chosen, manifest, names), figures, files(path, manifest));
@@ -39,17 +39,18 @@ export function mount(room) {
       } catch (error) {
         if (signal.aborted) return;
         if (!(error instanceof Problem)) throw error;
-        fill(room, h("div.card", {}, refusal(error)));
+        fill(room, h("div.card", {}, refusal(error, () => void part.update(chosen))));
       }
     },
   };
+  return part;
 }
 
-/** Names of datasets by their ids; only for who has a token. @param {AbortSignal} signal @returns {Promise<Map<string, string>>} */
-async function datasetNames(signal) {
-  if (!hasToken()) return new Map();
+/** Names of the datasets that a version was made from, by their ids. @param {string} path  of the version @param {AbortSignal} signal @returns {Promise<Map<string, string>>} */
+async function datasetNames(path, signal) {
   try {
-    return new Map((await datasets(signal)).map((each) => [each.id, each.name]));
+    const { datasets } = await askJson(`${path}/card`, { query: { format: "json" }, signal });
+    return new Map(datasets.map((/** @type {{id: string, name: string}} */ each) => [each.id, each.name]));
   } catch (error) {
     if (error instanceof Problem) return new Map();
     throw error;

@@ -3,9 +3,10 @@
 
 import { Newest, Problem, askJson } from "../../api.js";
 import { Chart } from "../../chart.js";
-import { NumberControl } from "../../controls.js";
+import { NumberControl, faultWords } from "../../controls.js";
 import { datum, fill, h, later, shown } from "../../dom.js";
 import { fieldsOf, references } from "../../fields.js";
+import { numberOf } from "../../query.js";
 import { parse, write } from "../../state.js";
 import { byRegime, identity, leftOut, metres, spread } from "./evidence.js";
 import { refusal, table, when } from "./show.js";
@@ -53,10 +54,11 @@ class Comparison {
     /** @type {Newest<Record<string, any>, any[]>} */
     this.newest = new Newest((asked, signal) => Promise.all(asked.models.map((/** @type {string} */ model) =>
       askJson("v1/predictions", { query: { ...asked.question, model }, signal }))), (answers, asked) => this.#draw(answers, asked), (problem) => {
-      fill(this.ends, refusal(problem));
+      fill(this.ends, refusal(problem, () => this.#ask()));
+      this.curve.classList.add("stale");
       for (const control of Object.values(this.controls)) {
         const fault = problem.fields.find(({ field }) => field === control.field.name);
-        control.complain(fault ? `Allowed is ${fault.allowed}` : "");
+        control.complain(faultWords(fault));
       }
     });
     fill(room, h("section.card.stack", { "aria-label": "Which versions" }, h("div.row", {}, this.title = h("h2"), h("label", { for: "compare-with" }, "with"), this.other)),
@@ -83,8 +85,7 @@ class Comparison {
     if (wanted && !there.some(({ reference }) => reference === wanted)) this.other.append(h("option", { value: wanted }, wanted));
     this.other.value = wanted;
     for (const [name, control] of Object.entries(this.controls)) {
-      const text = chosen.query.get(name);
-      control.set(text !== null && text.trim() !== "" && Number.isFinite(Number(text)) ? Number(text) : control.field.start);
+      control.set(numberOf(chosen.query.get(name)) ?? control.field.start);
     }
     if (!wanted) {
       fill(this.facing, h("p.card", {}, "There is no other version to compare it with."));
@@ -115,7 +116,7 @@ class Comparison {
       if (signal.aborted) return;
       this.pair = "";
       if (!(error instanceof Problem)) throw error;
-      fill(this.facing, h("div.card", {}, refusal(error)));
+      fill(this.facing, h("div.card", {}, refusal(error, () => { if (this.chosen) void this.update(this.chosen); })));
     }
   }
 
@@ -135,13 +136,14 @@ class Comparison {
   #ask() {
     if (!this.chosen || !this.other.value) return;
     const question = this.#question();
-    const dt_s = Number(Math.max(0.0001, Number(question.horizon_s) / POINTS).toPrecision(4));
+    const dt_s = Number(Math.min(60, Math.max(0.0001, Number(question.horizon_s) / POINTS)).toPrecision(4)); // a time that is too long is not to be told as a wrong step
     this.newest.ask({ question: { ...question, dt_s }, models: [referenceOf(this.chosen), this.other.value] });
   }
 
   /** @param {any[]} answers @param {Record<string, any>} asked */
   #draw(answers, asked) {
     const [ours, theirs] = answers;
+    this.curve.classList.remove("stale");
     const [mine, other] = asked.models;
     if (this.chart?.what.lines[0].label !== mine || this.chart?.what.lines[1].label !== other) {
       this.chart?.destroy();

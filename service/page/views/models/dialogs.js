@@ -9,8 +9,8 @@ import { refusal } from "./show.js";
 const opened = new Set();
 
 /**
- * What a dialog shows. `act` is called with the reason and does it; `again` gets a refusal, and may return what holds now.
- * @typedef {{title: string, body: Node[], action: string, reason?: "wanted" | "optional" | "none",
+ * What a dialog shows. `otherwise` names the button that does nothing. `act` is called with the reason and does it; `again` gets a refusal, and may return what holds now.
+ * @typedef {{title: string, body: Node[], action: string, otherwise?: string, reason?: "wanted" | "optional" | "none",
  *   act: (reason: string) => Promise<string>, again?: (problem: Problem) => Promise<Content | undefined>}} Content
  */
 
@@ -28,13 +28,15 @@ export function confirm(content) {
   const label = h("label", { for: "confirm-reason" });
   const go = h("button.main", { type: "submit" });
   const close = () => dialog.close();
+  const leave = h("button", { type: "button", click: close });
   const dialog = /** @type {HTMLDialogElement} */ (h("dialog.wide", { "aria-labelledby": "confirm-title" }, h("form", { method: "dialog", submit: sent },
-    title, body, label, reason, told, h("p.row", {}, go, h("button", { type: "button", click: close }, "Cancel")))));
+    title, body, label, reason, told, h("p.row", {}, go, leave))));
 
   function show() {
     fill(title, now.title);
     fill(body, ...now.body);
     go.textContent = now.action;
+    leave.textContent = now.otherwise ?? "Cancel";
     label.hidden = reason.hidden = now.reason === "none";
     reason.required = (now.reason ?? "wanted") === "wanted";
     label.textContent = reason.required ? "Reason, kept in the history" : "Reason, kept with it (may be empty)";

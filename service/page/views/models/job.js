@@ -108,7 +108,7 @@ export class JobView {
 
   #stop() {
     confirm({
-      title: `Cancel job ${this.id.slice(0, 8)}`, action: "Cancel the job", reason: "none",
+      title: `Cancel job ${this.id.slice(0, 8)}`, action: "Cancel the job", otherwise: "Keep it running", reason: "none",
       body: [h("p", {}, "It ends within seconds and publishes nothing. What it has computed is lost.")],
       act: async () => {
         await ask(`v1/admin/training-jobs/${encodeURIComponent(this.id)}/cancel`, { method: "POST" });

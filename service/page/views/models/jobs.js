@@ -171,8 +171,8 @@ class Start {
       this.started(job);
     } catch (error) {
       if (!(error instanceof Problem)) throw error;
-      const rest = this.#complain(error.fields);
-      fill(this.told, error.fields.length ? (rest.length ? faults(error) : h("p.notice.bad", { role: "alert" }, "Look at the marked fields.")) : refusal(error));
+      this.#complain(error.fields);
+      fill(this.told, error.fields.length ? faults(error) : refusal(error));
     } finally {
       this.button.disabled = false;
     }

@@ -1,6 +1,7 @@
 // @ts-check
 // How this view shows tables, times, sizes and refusals.
 
+import { unreachable } from "../../again.js";
 import { ask as askService, hasToken } from "../../api.js";
 import { h, shown } from "../../dom.js";
 import { open as openToken } from "../../token.js";
@@ -70,6 +71,7 @@ ROVER_TWIN_ADMIN_TOKEN=$(cat token) rover-twin serve --store STORE`;
  * @param {import("../../api.js").Problem} problem @param {(() => void)} [again]
  */
 export function refusal(problem, again) {
+  if (problem.unreachable && again) return unreachable(again);
   const retry = again && h("button", { type: "button", click: again }, "Try again");
   const ask = h("button", { type: "button", click: () => openToken() }, hasToken() ? "Use another token" : "Enter a token");
   /** @type {Record<string, [string, any]>} */

@@ -65,6 +65,8 @@ export class Upload {
       return;
     }
     [this.file] = files;
+    fill(this.report); // what was found in another file
+    this.keep.hidden = true;
     this.check.disabled = false;
     void this.#send(true);
   }
