@@ -103,9 +103,14 @@ class StageInputs(BaseModel):
     ] = False
 
     def require_usd(self, form: str) -> None:
-        """Raises InvalidValueError where one of these was given and the answer is another form."""
-        if form != "usda" and not _NAMES.isdisjoint(self.model_fields_set):
-            name = min(_NAMES & self.model_fields_set)
+        """Raises InvalidValueError where one of these was given and the answer is another form.
+
+        Their defaults ask for nothing; generated clients send them with every question.
+        """
+        fields, asked = type(self).model_fields, _NAMES & self.model_fields_set
+        changed = sorted(name for name in asked if getattr(self, name) != fields[name].default)
+        if form != "usda" and changed:
+            name = changed[0]
             value = getattr(self, name)
             said = str(value) if isinstance(value, UpAxis) else value
             raise InvalidValueError(name, said, f"nothing beside format={form}: it belongs to format=usda")
