@@ -22,7 +22,7 @@ from service.wire.forms import Format, Subject, TableFormat
 from service.wire.points import require_few_times, require_wide_step
 from service.wire.stage_inputs import StageInputs
 
-_REFERENCE = r"^[a-z0-9][a-z0-9-]{0,62}(@([a-z][a-z0-9-]{0,62}|[1-9][0-9]{0,8}))?$"
+REFERENCE = r"^[a-z0-9][a-z0-9-]{0,62}(@([a-z][a-z0-9-]{0,62}|[1-9][0-9]{0,8}))?$"
 
 # Made by a function, so that the OpenAPI document has no default for them: they hold only where no `times_s` are sent,
 # and generated clients send every default that they read, `dt_s` beside `times_s` too, which is refused.
@@ -106,7 +106,7 @@ class PredictionInputs(BaseModel):
     model: Annotated[
         str,
         Field(
-            pattern=_REFERENCE,
+            pattern=REFERENCE,
             description="Which model answers: `name`, `name@3` (a version) or `name@champion` (an alias). "
             "Without it, the service's default model.",
             examples=["viper-lunar@champion"],

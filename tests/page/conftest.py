@@ -72,8 +72,9 @@ class Seen:
 Open = Callable[..., Seen]
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser(processes: None) -> Iterator[Browser]:
+    """A browser for one file of tests: while Playwright is there, its event loop runs in this thread, and no other can."""
     program = found_chromium()
     if program is None:
         pytest.skip(f"no Chromium is installed ({', '.join(NAMES)})")

@@ -134,6 +134,7 @@ def test_with_a_token_the_footer_leads_on_and_a_service_that_was_away_is_found_a
     seen = open_at(running.url)
     seen.forgiven = ("401", "429", "ERR_FAILED", "Failed to fetch")
     page = seen.go("#slope")
+    page.wait_for_load_state("networkidle")  # each refusal asks, a late one after "Cancel" too
     page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
     page.get_by_role("link", name="OpenAPI").click()  # asks for the token
     page.get_by_label("Token", exact=True).fill(TOKEN)

@@ -21,7 +21,7 @@ from service.training.regimes import RegimePair, pairs, varying_runs
 from service.twin import Frame, Scenario
 from service.twin.twin import Twin
 from service.wire.forms import PictureFormat
-from service.wire.prediction import FORMAT, PredictionInputs
+from service.wire.prediction import FORMAT, REFERENCE, PredictionInputs
 from service.wire.versions.card import SpreadAnswer, spread_answer
 
 MOST_SLOPES = 12
@@ -68,7 +68,7 @@ class ComparisonQuery(ComparisonInputs):
     against: Annotated[
         str,
         Field(
-            pattern=r"^[a-z0-9-]{1,63}(@[a-z0-9-]{1,63})?$",
+            pattern=REFERENCE,
             description="What the version is compared with: `name`, `name@3` or `name@champion`. Without it, the "
             "champion of its own model.",
             examples=["viper-lunar@champion"],
