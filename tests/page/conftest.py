@@ -74,7 +74,7 @@ Open = Callable[..., Seen]
 
 @pytest.fixture(scope="module")
 def browser(processes: None) -> Iterator[Browser]:
-    """A browser for one file of tests: while Playwright is there, its event loop runs in this thread, and no other can."""
+    """A browser for one file of tests: while Playwright is there, its event loop is in the way of others."""
     program = found_chromium()
     if program is None:
         pytest.skip(f"no Chromium is installed ({', '.join(NAMES)})")

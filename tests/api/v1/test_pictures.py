@@ -166,7 +166,8 @@ def test_without_another_version_it_is_the_champion_that_one_is_compared_with(sh
     ("query", "status"),
     [
         ({"against": "nobody"}, 404), ({"against": "viper-lunar@9"}, 404), ({"against": "viper-lunar@new"}, 404),
-        ({"against": "<script>"}, 422), ({"against": "a@0"}, 422), ({"against": "-a"}, 422), ({"slopes_deg": "0,nan"}, 422), ({"slopes_deg": ",".join(["1"] * 13)}, 422),
+        ({"against": "<script>"}, 422), ({"against": "a@0"}, 422),
+        ({"against": "-a"}, 422), ({"slopes_deg": "0,nan"}, 422), ({"slopes_deg": ",".join(["1"] * 13)}, 422),
         ({"mass_kg": "0"}, 422), ({"margin": "0.9"}, 422), ({"format": "pdf"}, 422), ({"else": "1"}, 422),
     ],
 )  # fmt: skip
