@@ -93,8 +93,11 @@ def shipped() -> Iterator[Running]:
 
 
 @pytest.fixture
-def open_at(browser: Browser) -> Iterator[Open]:
-    """Opens a browser of its own at a service: `open_at(running.url, scheme="dark", size=PHONE)`."""
+def open_at(browser: Browser, serve: object) -> Iterator[Open]:
+    """Opens a browser of its own at a service: `open_at(running.url, scheme="dark", size=PHONE)`.
+
+    It asks for `serve`, so that pages close before a service of the test ends: an open one would complain.
+    """
     opened: list[tuple[BrowserContext, Seen]] = []
 
     def at(url: str, scheme: str = "light", size: tuple[int, int] = DESKTOP) -> Seen:
