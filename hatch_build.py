@@ -21,6 +21,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 from packaging.tags import platform_tags
 
 ENGINE, FMU = Path("service/learning/drive/native"), Path("service/fmu/native")
+MANY = ENGINE / "lanes.c"  # drives many rovers at once, of which an FMU has one
 GLIBC = (2, 17)  # the oldest that binaries run with; PyTorch's need a newer one
 # For any processor of its kind: what gains from newer ones is chosen when it runs, see engine.h. Without
 # fused operations all of them round alike.
@@ -50,6 +51,8 @@ class Library(NamedTuple):
         if self.file.parent == FMU and "windows" not in self.target:
             flags += ["-fvisibility=hidden"]
         files = [str(file) for source in self.sources for file in sorted((root / source).glob("*.c"))]
+        if self.file.parent == FMU:
+            files.remove(str(root / MANY))
         if "windows" in self.target:
             system = folder / "kernel32.lib"
             _zig(folder, "dlltool", "-m", "i386:x86-64", "-d", str(root / FMU / "kernel32.def"), "-l", str(system))

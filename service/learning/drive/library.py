@@ -16,7 +16,7 @@ import numpy.typing as npt
 from service.physics.scenario import Array
 
 PATH = Path(__file__).with_name("native") / "librover.so"
-INTERFACE = 2  # ROVER_INTERFACE of native/engine.h
+INTERFACE = 3  # ROVER_INTERFACE of native/engine.h
 RUT_CELLS = 64  # ROVER_RUT_CELLS
 MOST_S = 1e6  # ROVER_MOST_S
 HEIGHTS = 37  # ROVER_HEIGHTS
@@ -126,6 +126,17 @@ class CompiledRelease(ctypes.Structure):
     ]
 
 
+class CompiledWholes(ctypes.Structure):
+    """`rover_wholes`."""
+
+    _fields_: ClassVar[_Fields] = [
+        ("horizon_s", _POINTER),
+        ("looks", _INTEGER),
+        *_numbers("look_s[2]"),
+        ("numbers", _POINTER),
+    ]
+
+
 # The engine's types by name, whose sizes are compared when it is loaded.
 MIRRORS: dict[str, type[ctypes.Structure]] = {
     "rover_parameters": Parameters,
@@ -136,6 +147,7 @@ MIRRORS: dict[str, type[ctypes.Structure]] = {
     "rover_controls": CompiledControls,
     "rover_run": CompiledRun,
     "rover_release": CompiledRelease,
+    "rover_wholes": CompiledWholes,
 }
 
 # Everything but integers and numbers is the address of an array of float64 (offsets: int64), or of a struct.
@@ -149,6 +161,10 @@ _ARGUMENTS: dict[str, tuple[list[type], type | None]] = {
     "rover_present": ([_INTEGER, _POINTER, _POINTER], None),
     "rover_drive": ([*[_POINTER] * 4, _NUMBER, _INTEGER, _POINTER, _POINTER], None),
     "rover_constant": ([_POINTER, _INTEGER, _POINTER, _INTEGER, _POINTER, _INTEGER, _POINTER], None),
+    "rover_side_by_side": (
+        [*[_POINTER, _INTEGER] * 4, _INTEGER, *[_POINTER] * 2],
+        None,
+    ),
     "rover_step": ([_POINTER, _INTEGER, *[_POINTER] * 4], None),
     "rover_sweep": ([_POINTER, _INTEGER, _INTEGER, _POINTER, _INTEGER, _POINTER, _POINTER, _INTEGER, _POINTER], None),
 }

@@ -17,6 +17,7 @@ def test_both_drive_alike(engine: Engine, drive: Drive):
     motion, _ = engine.drive(engine.start(drive.mass_kg, drive.start_speed_m_s), drive.track, drive.controls, times)
     reference = Reference(engine.law, drive.mass_kg)
     found = reference.drive(drive.start_speed_m_s, drive.track, drive.controls, times)
-    np.testing.assert_allclose(motion.x_m, found[0], rtol=0, atol=1e-9)
-    np.testing.assert_allclose(motion.speed_m_s, found[1], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(motion.y_m, found[2], rtol=0, atol=1e-9)
+    # The engine stops its search for the rims' speeds at steps of 1e-6 m/s, the reference goes on to the end.
+    np.testing.assert_allclose(motion.x_m, found[0], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(motion.speed_m_s, found[1], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(motion.y_m, found[2], rtol=0, atol=1e-7)

@@ -4,9 +4,7 @@
 
 #include "drive.h"
 
-/* Cells are short until so long after an event; locked wheels need cells that are eight times shorter. */
-static const double short_cell_s = 0.02, cell_s = 0.05, short_until_s = 0.3, brake_cells = 8.0;
-static const double same_time_s = 1e-10, shortest_cell_s = 1e-4;
+static const double shortest_cell_s = 1e-4;
 enum { ROVER_PIECE = 512 }; /* times that are written at once */
 
 void rover_start(const rover_law *law, double mass_kg, double start_speed_m_s, rover_state *state)
@@ -16,8 +14,8 @@ void rover_start(const rover_law *law, double mass_kg, double start_speed_m_s, r
     state->law = law->number;
     state->mass_kg = mass_kg;
     state->speed_m_s = start_speed_m_s;
-    state->frontier_m = -1e9;
-    state->front_rim_m_s = state->rear_rim_m_s = 0.3;
+    state->frontier_m = nowhere_m;
+    state->front_rim_m_s = state->rear_rim_m_s = first_rim_m_s;
     for (int i = 0; i < ROVER_RUT_CELLS; i++)
         state->ruts[i] = 1.0;
 }
@@ -41,9 +39,9 @@ static double slope_at(rover_motion *motion, double distance_m)
     return track->slope_rad[at] + part * (track->slope_rad[at + 1] - track->slope_rad[at]);
 }
 
-static double cell_length(double event_s, int brake)
+double rover_cell_length(double event_s, int brake)
 {
-    double length = event_s < short_until_s - same_time_s ? short_cell_s : cell_s;
+    double length = event_s < short_until_s - same_time_s ? short_cell_s : long_cell_s;
     return brake ? length / brake_cells : length;
 }
 
@@ -65,7 +63,7 @@ static void need_height(rover_motion *motion, rover_state *state, const rover_in
  * what is said of a cell's middle is then true though the cell is to be cut. */
 static double next_length(const rover_motion *motion, rover_state *state, const rover_inputs *inputs, int same)
 {
-    double length = cell_length(same ? state->event_s : 0.0, inputs->brake);
+    double length = rover_cell_length(same ? state->event_s : 0.0, inputs->brake);
     if (motion->track || !same || state->slope_rad == inputs->slope_rad)
         return length;
     return state->cut_s > shortest_cell_s && state->cut_s < length ? state->cut_s : length;
@@ -131,7 +129,7 @@ ROVER_INLINE void moved_at MOVED_PARAMETERS
         double within = time_s[i] - start_s;
         within = within > kept.cell_s - same_time_s ? kept.cell_s : within;
         within = within > same_time_s ? within : 0.0;
-        rover_moved(&kept, within, x_m + i, speed_m_s + i);
+        rover_moved_to(&kept, within, x_m + i, speed_m_s + i);
         height_m[i] = height + rise * within;
         front_rad_s[i] = front + front_by_speed * (speed_m_s[i] - kept.speed_m_s);
         rear_rad_s[i] = rear + rear_by_speed * (speed_m_s[i] - kept.speed_m_s);
@@ -165,7 +163,7 @@ static void write(rover_motion *motion, const rover_state *state, double start_s
 int64_t rover_advance(rover_motion *motion, rover_state *state, const rover_inputs *inputs, double from_s,
                       double until_s, int64_t times, const double *time_s, const rover_columns *to, int64_t at)
 {
-    if (!(state->cell_s <= cell_s && state->within_s >= 0.0 && state->within_s <= state->cell_s))
+    if (!(state->cell_s <= long_cell_s && state->within_s >= 0.0 && state->within_s <= state->cell_s))
         state->cell_s = state->within_s = 0.0; /* of no state that was made here */
     /* Cells of one length begin at anchor + number * length: times are not summed up. */
     double anchor = from_s - state->within_s, length = state->cell_s;

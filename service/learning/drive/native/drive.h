@@ -22,6 +22,8 @@ typedef struct {
     double *x_m, *speed_m_s, *front_rad_s, *rear_rad_s, *height_m, *slope_rad;
 } rover_columns;
 
+/* How long a cell is that begins so long after an event */
+double rover_cell_length(double event_s, int brake);
 void rover_motion_begin(rover_motion *motion, const rover_law *law, const double *numbers, const double *weights,
                         const double *heights, const rover_track *track);
 /* Moves a state from a time to another one under the same inputs, and writes what is asked of the times after the

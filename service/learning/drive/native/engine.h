@@ -15,7 +15,7 @@
 
 #include <stdint.h>
 
-#define ROVER_INTERFACE 2
+#define ROVER_INTERFACE 3
 #define ROVER_STATE_FORMAT 1
 #define ROVER_RUT_CELLS 64
 #define ROVER_HEIGHTS 37
@@ -145,6 +145,21 @@ typedef struct {
     const double *slope_deg, *log_mass, *weights;
 } rover_release;
 
+/* What the whole way of each scenario comes to, told by ROVER_WHOLE_PARTS even parts of its horizon: x where the last
+ * quarter begins and at the end, height there, the path's length, mean speed of all wheels (rad/s), and x at up to two
+ * looks; (ROVER_WHOLE, scenario). */
+enum {
+    ROVER_WHOLE_LATE, ROVER_WHOLE_END, ROVER_WHOLE_HEIGHT, ROVER_WHOLE_PATH, ROVER_WHOLE_WHEELS, ROVER_WHOLE_SEEN,
+    ROVER_WHOLE = ROVER_WHOLE_SEEN + 2
+};
+#define ROVER_WHOLE_PARTS 400
+typedef struct {
+    const double *horizon_s; /* of each scenario */
+    int64_t looks;
+    double look_s[2];
+    double *numbers;
+} rover_wholes;
+
 int64_t rover_interface(void);
 int64_t rover_state_format(void);
 /* The bytes of a type above, by its name; 0 if there is none of that name. Of every one library.py has a mirror. */
@@ -175,6 +190,13 @@ void rover_drive(const rover_law *law, rover_state *state, const rover_track *tr
  * all share one row. */
 void rover_constant(const rover_law *law, int64_t count, const double *scenarios, int64_t times, const double *time_s,
                     int64_t stride, double *outputs);
+
+/* The same side by side, sooner and to the bit, of those scenarios that `order` numbers, `some` of all `count`: alike ones
+ * are to stand beside each other there. Outputs are (columns, scenario, time): 5, or x alone if that is 1. `wholes`
+ * may be NULL. Threads may share a call's scenarios. */
+void rover_side_by_side(const rover_law *law, int64_t some, const int64_t *order, int64_t count, const double *scenarios,
+                        int64_t times, const double *time_s, int64_t stride, int64_t columns, double *outputs,
+                        const rover_wholes *wholes);
 
 /* Advances rovers, each by its own duration: inputs are slope (rad; not looked at where there is a track), torque,
  * brake and duration, (4, count). Outputs are (ROVER_OUTPUTS, count). */

@@ -1,0 +1,22 @@
+/* Scenarios of constant inputs side by side. */
+#ifndef ROVER_LANES_H
+#define ROVER_LANES_H
+
+#include "law.h"
+
+enum { ROVER_MOST_LANES = 16, TILE = 8 }; /* TILE: times that are written at once */
+
+/* Some scenarios of a call, as rover_constant has them. */
+typedef struct {
+    const rover_law *law;
+    int lanes;                        /* how many of them are asked for; the rest repeats the first */
+    int64_t row[ROVER_MOST_LANES];    /* which ones */
+    int64_t count;                    /* of scenarios in the call */
+    const double *scenarios;
+    int64_t times, stride;
+    const double *time_s;
+    const rover_wholes *wholes;       /* NULL where none are asked for */
+    double *columns[5];               /* x, speed, front and rear wheel speed, height; NULL for what is not asked for */
+} rover_lanes;
+
+#endif
