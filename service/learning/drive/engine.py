@@ -19,9 +19,13 @@ from service.learning.drive.inputs import Controls, Track, require_slopes
 from service.learning.drive.law import LaidOutLaw, Law
 from service.learning.drive.library import HEIGHTS, MOST_S, OUTPUTS, address, contiguous, library
 from service.learning.drive.state import SIZE, State
+from service.learning.drive.threads import in_parts
+from service.learning.drive.whole import Whole, WholesAsked
 from service.physics.scenario import Array
 
 SHORTEST_STEP_S = 1e-6
+_FEWEST_LANES = 3  # fewer scenarios are driven one by one
+_SLOPES_PER_RAD = 50.0  # slopes that count as alike
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,18 +129,56 @@ class Engine:
     ) -> tuple[Array, Array, Array, Array, Array]:
         """x, speed, front and rear wheel speed, y, each (scenario, time), of scenarios that begin to move at 0.
 
-        Columns are (scenario,), times (time,) or (scenario, time), in any order. Raises ValueError as `drive` does.
+        Columns are (scenario,), times (time,) or (scenario, time), in any order. What one scenario gets does not depend
+        on the others, to the bit. Raises ValueError as `drive` does.
         """
-        slopes = contiguous(slope_rad)
-        count, time = len(slopes), contiguous(time_s)
-        scenarios = np.empty((5, count))
-        for row, column in zip(scenarios, (slopes, mass_kg, torque_nm, start_speed_m_s, offset), strict=True):
-            row[:] = column
-        require_slopes(slopes)
-        _require(np.isfinite(scenarios).all(), "scenarios must be finite")
-        _require(
-            (scenarios[1] > 0).all() and (scenarios[2] >= 0).all(), "masses must be positive, torques not negative"
-        )
+        columns = slope_rad, mass_kg, torque_nm, start_speed_m_s, offset
+        found = self._constant(self._address, columns, contiguous(time_s), 5)
+        return found[0], found[1], found[2], found[3], found[4]
+
+    def ways(
+        self,
+        slope_rad: Array,
+        mass_kg: Array,
+        torque_nm: Array,
+        start_speed_m_s: Array | float,
+        time_s: Array,
+        offset: Array | float = 0.0,
+    ) -> Array:
+        """The x (scenario, time) of `constant` alone, to the bit: sooner, as nothing is said of heights."""
+        columns = slope_rad, mass_kg, torque_nm, start_speed_m_s, offset
+        return np.asarray(self._constant(self._flat.address, columns, contiguous(time_s), 1)[0])
+
+    def whole(
+        self,
+        slope_rad: Array,
+        mass_kg: Array,
+        torque_nm: Array,
+        start_speed_m_s: Array | float,
+        time_s: Array,
+        horizon_s: Array,
+        look_s: Array,
+    ) -> tuple[tuple[Array, ...], Whole]:
+        """The columns of `constant` at times that do not fall, and what each way comes to until its horizon.
+
+        `horizon_s` is (scenario,), `look_s` up to two times at which the ways are looked at besides. Raises ValueError
+        as `constant` does.
+        """
+        scenarios, time = _scenarios((slope_rad, mass_kg, torque_nm, start_speed_m_s, 0.0)), contiguous(time_s)
+        horizons, count = contiguous(horizon_s), scenarios.shape[1]
+        _require(_rise(time), "times must not fall")
+        _require(time.ndim == 1 or len(time) == count, f"times {time.shape} do not fit {count} scenarios")
+        for times in (time, horizons[:, None], look_s):
+            _require_range(times)
+        _require(horizons.shape == (count,), f"horizons {horizons.shape} do not fit {count} scenarios")
+        asked = WholesAsked(horizons, look_s)
+        found = self._side_by_side(self._address, scenarios, time, 5, asked)
+        return (found[0], found[1], found[2], found[3], found[4]), asked.found()
+
+    def _constant(self, law: int, columns: Sequence[Array | float], time: Array, wanted: int) -> Array:
+        """Columns (wanted, scenario, time): all five, or x alone; a few scenarios give five in any case."""
+        scenarios = _scenarios(columns)
+        count = scenarios.shape[1]
         if time.ndim == 2:
             _require(len(time) == count, f"times {time.shape} do not fit {count} scenarios")
         back = None
@@ -144,17 +186,41 @@ class Engine:
             _require(not np.isnan(time).any(), f"times must be 0 to {MOST_S:g} s")  # no order sorts them
             time, back = _sorted(time)
         _require_range(time)
-        times = time.shape[-1]
-        outputs = np.empty((5, count, times))
-        stride = 0 if time.ndim == 1 else times
-        self._library.rover_constant(
-            self._address, count, address(scenarios), times, address(time), stride, address(outputs)
-        )
+        if count < _FEWEST_LANES:
+            outputs = self._one_by_one(law, scenarios, time)
+        else:
+            outputs = self._side_by_side(law, scenarios, time, wanted)
         if back is not None and time.ndim == 1:
-            outputs = outputs.take(back, axis=2)
-        elif back is not None:
-            outputs = np.take_along_axis(outputs, back[None], axis=2)
-        return outputs[0], outputs[1], outputs[2], outputs[3], outputs[4]
+            return outputs.take(back, axis=2)
+        if back is not None:
+            return np.take_along_axis(outputs, back[None], axis=2)
+        return outputs
+
+    def _one_by_one(self, law: int, scenarios: Array, time: Array) -> Array:
+        count, times = scenarios.shape[1], time.shape[-1]
+        stride, outputs = 0 if time.ndim == 1 else times, np.empty((5, count, times))
+        rows, moments = address(scenarios), address(time)
+        self._library.rover_constant(law, count, rows, times, moments, stride, address(outputs))
+        return outputs
+
+    def _side_by_side(
+        self, law: int, scenarios: Array, time: Array, wanted: int, asked: WholesAsked | None = None
+    ) -> Array:
+        count, times = scenarios.shape[1], time.shape[-1]
+        stride, outputs = 0 if time.ndim == 1 else times, np.empty((wanted, count, times))
+        ends = time[:, -1] if time.ndim == 2 and times else None
+        order = _alike(scenarios, ends)
+        firsts, rows, moments, to = address(order), address(scenarios), address(time), address(outputs)
+        wholes = None if asked is None else addressof(asked.compiled)
+
+        def driven(first: int, end: int) -> None:
+            some = firsts + first * order.itemsize
+            self._library.rover_side_by_side(
+                law, end - first, some, count, rows, times, moments, stride, wanted, to, wholes
+            )
+
+        in_parts(driven, count)
+        return outputs
 
     def height_features(self, start: State, track: Track, controls: Controls, time_s: Array) -> Array:
         """What the height at times would be for each of `heights` alone being 1, (time, HEIGHTS): to fit these."""
@@ -220,6 +286,26 @@ class Engine:
     def _require_own(self, state: State) -> None:
         if state.law != self._number:
             raise ValueError("the state belongs to another model, or to another version of this one: start anew")
+
+
+def _scenarios(columns: Sequence[Array | float]) -> Array:
+    """Slope, mass, torque, start speed and offset as the engine has them, (5, scenario). Raises ValueError."""
+    scenarios = np.empty((5, np.size(columns[0])))
+    for row, column in zip(scenarios, columns, strict=True):
+        row[:] = column
+    require_slopes(scenarios[0])
+    _require(np.isfinite(scenarios).all(), "scenarios must be finite")
+    _require((scenarios[1] > 0).all() and (scenarios[2] >= 0).all(), "masses must be positive, torques not negative")
+    return scenarios
+
+
+def _alike(scenarios: Array, ends: Array | None) -> npt.NDArray[np.int64]:
+    """Numbers of scenarios (5, scenario), alike ones beside each other: by their last time, then slope, then torque.
+
+    The engine drives some of them side by side, each as long and with as many turns as the one that needs most.
+    """
+    keys = [scenarios[2] / scenarios[1], np.floor(scenarios[0] * _SLOPES_PER_RAD)]
+    return np.lexsort(keys if ends is None else [*keys, ends]).astype(np.int64, copy=False)
 
 
 def states_array(states: Sequence[State] | Array) -> Array:

@@ -15,6 +15,7 @@ from service.learning.drive.library import HEIGHTS
 from service.learning.drive.recorded import controls_of, track_of
 from service.learning.drive.start import StartSpeeds, bump_count
 from service.learning.drive.state import State
+from service.learning.drive.whole import Whole
 from service.learning.observed import ObservedRun
 from service.learning.tensor_reader import TensorReader
 from service.physics.prior import Prior
@@ -53,10 +54,28 @@ class DriveModel:
         x, _, _, _, y = self._constant(scenarios, time_s, offset)
         return Positions(x, y)
 
+    def ways_with(self, scenarios: Scenarios, time_s: Array, offset: Array | float) -> Array:
+        """The x (m) of `positions_with` alone, (scenario, time), to the bit."""
+        starts = self.starts.at(scenarios.slope_angle_rad, scenarios.mass_kg)
+        return self.engine.ways(
+            scenarios.slope_angle_rad, scenarios.mass_kg, scenarios.torque_nm, starts, time_s, offset
+        )
+
     def motion(self, scenarios: Scenarios, time_s: Array) -> Motion:
         """The same with the speed along the slope and how fast the wheels of each axle turn."""
         x, speed, front, rear, y = self._constant(scenarios, time_s, 0.0)
         return Motion(x, y, speed, rear, front)
+
+    def whole_motion(
+        self, scenarios: Scenarios, time_s: Array, horizon_s: Array, look_s: Array
+    ) -> tuple[Motion, Whole]:
+        """`motion` at times that do not fall, and what each way comes to until its horizon (scenario,)."""
+        starts = self.starts.at(scenarios.slope_angle_rad, scenarios.mass_kg)
+        columns, whole = self.engine.whole(
+            scenarios.slope_angle_rad, scenarios.mass_kg, scenarios.torque_nm, starts, time_s, horizon_s, look_s
+        )
+        x, speed, front, rear, y = columns
+        return Motion(x, y, speed, rear, front), whole
 
     def _constant(self, scenarios: Scenarios, time_s: Array, offset: Array | float) -> tuple[Array, ...]:
         return self.engine.constant(
