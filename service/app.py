@@ -58,6 +58,7 @@ from service.cpu import available_cpus, limit_torch_threads
 from service.jobs.audit import AuditLog
 from service.jobs.queue import JobQueue
 from service.jobs.supervisor import WorkerSupervisor
+from service.learning.drive.threads import allow_threads
 from service.memory import give_back
 from service.settings import Settings
 from service.twin import Twin, TwinRegistry
@@ -81,6 +82,7 @@ def create_app(
     store = ModelStore.open(settings.store_url, patience_s=settings.store_timeout_s)
     counting, waiting = instruments or Instruments(), WaitingBytes(settings.max_answer_bytes)
     threads = settings.threads or available_cpus()
+    allow_threads(threads)
 
     def brought_in(twin: Twin) -> None:
         if "torch" in sys.modules:  # imported by the first version that has a network

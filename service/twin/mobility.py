@@ -23,12 +23,14 @@ import numpy.typing as npt
 from service.errors import InvalidValueError
 from service.learning.band import Band
 from service.learning.doubt.doubt import Doubt
+from service.learning.drive.whole import MOST_LOOKS
 from service.physics.scenario import Array, Scenarios
 from service.twin.counting import Count, uncounted
 from service.twin.prediction import NonFiniteError
 from service.twin.scenario import Scenario
 from service.twin.summary import LAST_PART, Outcome, outcomes_of
 from service.twin.twin import Twin
+from service.twin.whole import KnowsWholes
 
 Cell = TypeVar("Cell")
 Flags = npt.NDArray[np.bool_]
@@ -39,6 +41,7 @@ MOST_VALUES = 64  # of slopes and of torques
 MOST_CELL_SECONDS = 50_000.0
 CONFIDENCE = (0.75, 0.995)  # one-sided; bands are calibrated at two-sided levels of 0.5 to 0.99
 STEEPEST_STEP_DEG = 0.01
+_COLUMNS = 8  # of a map that are looked at together
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,10 +94,10 @@ def mobility_map(
     ground = _Ground(twin, mass_kg, horizon_s, confidence)
     shape = len(torques), len(slopes)
     cells = ground.scenarios(np.repeat(torques, len(slopes)), np.tile(slopes, len(torques)))
-    motion = ground.motion(cells)
+    motion, wheels = ground.whole_motion(cells)
     speed = motion.whole_m / horizon_s
     outcomes, inside = ground.outcomes(cells, motion), _inside(twin, mass_kg, torques, slopes, horizon_s)
-    found = _steepest(ground, torques, slopes, ground.climbed(cells, motion).reshape(shape))
+    found = _steepest(ground, torques, slopes, _leading(ground, torques, slopes, motion))
     steepest = tuple(slope if row.any() else None for slope, row in zip(found, inside, strict=True))
     count(twin, time.perf_counter() - began, outcomes, inside.size - int(inside.sum()))
     return MobilityMap(
@@ -105,7 +108,7 @@ def mobility_map(
         torque_nm=torques,
         outcome=_rows(outcomes, shape),
         mean_speed_m_s=speed.reshape(shape),
-        slip_ratio=_rows(twin.slip_ratios(cells, np.full(len(cells), horizon_s), speed), shape),
+        slip_ratio=_rows(twin.slip_ratios(cells, np.full(len(cells), horizon_s), speed, wheels), shape),
         inside_domain=inside,
         steepest_climb_slope_deg=steepest,
         steepest_inside_domain=tuple(
@@ -123,6 +126,10 @@ class _Motion:
     last_part_m: Array
     seen_m: Array
 
+    def only(self, rows: npt.NDArray[np.intp]) -> _Motion:
+        """That of some of the scenarios."""
+        return _Motion(self.whole_m[rows], self.last_part_m[rows], self.seen_m[rows])
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Ground:
@@ -136,14 +143,32 @@ class _Ground:
     def scenarios(self, torques_nm: Array, slopes_deg: Array) -> Scenarios:
         return Scenarios(np.radians(slopes_deg), np.full(len(slopes_deg), self.mass_kg), torques_nm)
 
+    def whole_motion(self, scenarios: Scenarios) -> tuple[_Motion, Array | None]:
+        """`motion`, and the mean speed of the wheels, rad/s (scenario,), where the model says both in one go."""
+        model, look_s = self.twin.model, self._looks()
+        if not (isinstance(model, KnowsWholes) and len(look_s) <= MOST_LOOKS):
+            return self.motion(scenarios), None
+        horizons = np.full(len(scenarios), self.horizon_s)
+        _, whole = model.whole_motion(scenarios, np.empty(0), horizons, look_s)
+        x = np.stack([np.zeros(len(scenarios)), whole.late_x_m, whole.end_x_m], axis=1)
+        return self._motion(np.concatenate([x, whole.seen_m], axis=1)), whole.wheels_rad_s
+
     def motion(self, scenarios: Scenarios) -> _Motion:
         """The model's answer for all scenarios. Raises NonFiniteError."""
-        look = np.empty(0) if self.twin.band is None else self.twin.band.look_s
-        times = np.concatenate([[0.0, (1.0 - LAST_PART) * self.horizon_s, self.horizon_s], look])
+        times = np.concatenate([[0.0, (1.0 - LAST_PART) * self.horizon_s, self.horizon_s], self._looks()])
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-            x = self.twin.model.positions(scenarios, times).x_m
-            start, late, end = x[:, :3].T
-            motion = _Motion(end - start, end - late, x[:, 3:])
+            if self.twin.doubt is not None:
+                return self._motion(self.twin.offset_model.ways_with(scenarios, times, 0.0))
+            return self._motion(self.twin.model.positions(scenarios, times).x_m)
+
+    def _looks(self) -> Array:
+        return np.empty(0) if self.twin.band is None else self.twin.band.look_s
+
+    def _motion(self, x_m: Array) -> _Motion:
+        """Of x (scenario, 3 + look): at the start, where the last part begins, at the horizon, where the band looks."""
+        start, late_m, end = x_m[:, :3].T
+        with np.errstate(over="ignore", invalid="ignore"):
+            motion = _Motion(end - start, end - late_m, x_m[:, 3:])
         if not all(np.isfinite(each).all() for each in (motion.whole_m, motion.last_part_m, motion.seen_m)):
             name = f"{self.twin.name}@{self.twin.version}"
             raise NonFiniteError(f"{name} has no finite answer for a mass_kg of {self.mass_kg:g} somewhere on this map")
@@ -182,9 +207,29 @@ class _Ground:
         return climbed
 
 
-def _steepest(ground: _Ground, torques: Array, slopes: Array, climbed: Flags) -> tuple[float | None, ...]:
+def _leading(ground: _Ground, torques: Array, slopes: Array, motion: _Motion) -> npt.NDArray[np.intp]:
+    """How many slopes, from the lowest on, each torque climbs without a gap, (torque,).
+
+    Some slopes at a time: what lies beyond a gap, where rovers stall and must be driven longest, is not looked at.
+    """
+    leading, rows = np.zeros(len(torques), dtype=np.intp), np.arange(len(torques))
+    for first in range(0, len(slopes), _COLUMNS):
+        columns = np.arange(first, min(first + _COLUMNS, len(slopes)))
+        row, column = (each.ravel() for each in np.meshgrid(rows, columns, indexing="ij"))
+        scenarios = ground.scenarios(torques[row], slopes[column])
+        climbed = ground.climbed(scenarios, motion.only(row * len(slopes) + column)).reshape(len(rows), -1)
+        gapless = np.logical_and.accumulate(climbed, axis=1).sum(axis=1)
+        leading[rows] += gapless
+        rows = rows[gapless == len(columns)]
+        if not len(rows):
+            break
+    return leading
+
+
+def _steepest(
+    ground: _Ground, torques: Array, slopes: Array, leading: npt.NDArray[np.intp]
+) -> tuple[float | None, ...]:
     """Halves the step after the last slope of each torque's gapless climb, all torques at once."""
-    leading = np.logical_and.accumulate(climbed, axis=1).sum(axis=1)
     low = slopes[np.maximum(leading - 1, 0)].copy()
     high = slopes[np.minimum(leading, len(slopes) - 1)].copy()
     rows = np.flatnonzero((leading > 0) & (leading < len(slopes)))

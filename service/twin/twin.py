@@ -15,6 +15,7 @@ from service.learning.band import Band
 from service.learning.domain import Domain, DomainVerdict
 from service.learning.doubt.doubt import Doubt, ends_of
 from service.learning.doubt.meeting import OffsetModel
+from service.learning.drive.whole import MOST_LOOKS, Whole
 from service.learning.trajectory_model import TrajectoryModel
 from service.physics.frames import slope_to_world
 from service.physics.scenario import Array, Motion, Positions, Scenarios
@@ -34,6 +35,7 @@ from service.twin.summary import (
     own_times,
     path_length_m,
 )
+from service.twin.whole import KnowsWholes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,20 +172,13 @@ class Twin:
         if asked.wheel_speed and not self.model.knows_wheel_speeds:
             none = f"speed; {self.name}@{self.version} does not know how fast its wheels turn"
             raise InvalidValueError("include", "wheel_speed", none)
-        own = own_times(horizons_s, quick=self.model.quick)
         looks = band if band is not None else self.doubt
-        parts = [asked.time_s, own] if looks is None else [asked.time_s, own, looks.look_s]
-        count, end = asked.time_s.shape[-1], asked.time_s.shape[-1] + own.shape[-1]
-        moving = asked.speed or self.model.knows_wheel_speeds
-        ask: Callable[[Scenarios, Array], Positions] = self.model.motion if moving else self.model.positions
+        look_s = np.empty(0) if looks is None else looks.look_s
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-            found = ask(physics, _joined(parts, len(horizons_s)))
-            shown, whole = found.samples(slice(count)), found.samples(slice(count, end))
+            shown, seen, summaries = self._driven(physics, horizons_s, asked, look_s)
             prior = self.model.prior.positions(physics, asked.time_s) if asked.prior else None
-            summaries = self._summarise(physics, horizons_s, shown, whole, found.x_m[:, end:])
             bounds = None
             if band is not None and asked.band_level is not None:
-                seen = found.x_m[:, end:]
                 edges = band.edges(self.offset_model, physics, asked.time_s, asked.band_level, shown, seen)
                 bounds = PredictionBand(asked.band_level, edges.x_low_m, edges.x_high_m, edges.y_low_m, edges.y_high_m)
         trajectory = {**_in_frame(shown, physics, asked.frame), **_speeds(shown, asked)}
@@ -194,6 +189,22 @@ class Twin:
             summaries=summaries,
             band=bounds,
         )
+
+    def _driven(
+        self, physics: Scenarios, horizons_s: Array, asked: _Asked, look_s: Array
+    ) -> tuple[Positions, Array, Summaries]:
+        """What is shown, x (scenario, look) at the looks, and the summaries."""
+        model = self.model
+        if len(physics) > 1 and len(look_s) <= MOST_LOOKS and isinstance(model, KnowsWholes):
+            motion, whole = model.whole_motion(physics, asked.time_s, horizons_s, look_s)
+            return motion, whole.seen_m, self._summary_of(physics, horizons_s, motion, whole)
+        own = own_times(horizons_s, quick=model.quick)
+        count, end = asked.time_s.shape[-1], asked.time_s.shape[-1] + own.shape[-1]
+        moving = asked.speed or model.knows_wheel_speeds
+        ask: Callable[[Scenarios, Array], Positions] = model.motion if moving else model.positions
+        found = ask(physics, _joined([asked.time_s, own, look_s], len(horizons_s)))
+        shown, seen = found.samples(slice(count)), found.x_m[:, end:]
+        return shown, seen, self._summarise(physics, horizons_s, shown, found.samples(slice(count, end)), seen)
 
     def outside(self, verdict: DomainVerdict) -> OutsideDomainError:
         """What to tell a client that asked to be strict of a scenario with this verdict."""
@@ -239,13 +250,17 @@ class Twin:
         end = late_speed_m_s, end_m
         return named(self.doubt.likeliest(self.offset_model, physics, horizons_s, end, seen_m))
 
-    def slip_ratios(self, scenarios: Scenarios, horizons_s: Array, mean_speeds_m_s: Array) -> tuple[float | None, ...]:
-        """Of each scenario at its mean speed, (scenario,) each; None where the wheels stand still or nobody knows."""
-        wheels = None
-        if self.model.knows_wheel_speeds:
+    def slip_ratios(
+        self, scenarios: Scenarios, horizons_s: Array, mean_speeds_m_s: Array, wheels_rad_s: Array | None = None
+    ) -> tuple[float | None, ...]:
+        """Of each scenario at its mean speed, (scenario,) each; None where the wheels stand still or nobody knows.
+
+        `wheels_rad_s` are the mean speeds of the wheels, for a caller that knows them.
+        """
+        if wheels_rad_s is None and self.model.knows_wheel_speeds:
             times = own_times(horizons_s, quick=self.model.quick)
-            wheels = mean_wheel_speed_rad_s(self.model.motion(scenarios, times))
-        return self._slip_ratios(scenarios, mean_speeds_m_s, wheels)
+            wheels_rad_s = mean_wheel_speed_rad_s(self.model.motion(scenarios, times))
+        return self._slip_ratios(scenarios, mean_speeds_m_s, wheels_rad_s)
 
     def _slip_ratios(
         self, scenarios: Scenarios, mean_speeds_m_s: Array, wheels_rad_s: Array | None
@@ -290,6 +305,19 @@ class Twin:
             distance_m=path_length_m(whole),
             mean_speed_m_s=mean_speed,
             slip_ratio=self._slip_ratios(physics, mean_speed, mean_wheel_speed_rad_s(whole)),
+        )
+
+    def _summary_of(self, physics: Scenarios, horizons_s: Array, shown: Positions, whole: Whole) -> Summaries:
+        """The same of a model that knows it: all ways begin at 0."""
+        end, mean_speed = whole.end_x_m, whole.end_x_m / horizons_s
+        late_speed = (end - whole.late_x_m) / (LAST_PART * horizons_s)
+        return Summaries(
+            outcome=self.likely_outcomes(physics, horizons_s, late_speed, end, whole.seen_m),
+            final_x_m=shown.x_m[:, -1],
+            final_y_m=shown.y_m[:, -1],
+            distance_m=whole.path_m,
+            mean_speed_m_s=mean_speed,
+            slip_ratio=self._slip_ratios(physics, mean_speed, whole.wheels_rad_s),
         )
 
     def _require_finite(

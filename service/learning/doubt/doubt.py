@@ -86,7 +86,7 @@ class Doubt:
         scales, kinds = self._scenario_scales(scenarios, seen_m)
 
         def sides(offsets: Array) -> Sequence[Array]:
-            return [model.positions_with(scenarios, time_s, side * offsets).x_m for side in (1.0, -1.0)]
+            return [model.ways_with(scenarios, time_s, side * offsets) for side in (1.0, -1.0)]
 
         edges = self._edges(sides, kinds, scales, level, centre, time_s)
         return _within(edges, centre.x_m, *self._possible(np.sin(scenarios.slope_angle_rad)[:, None], time_s))
@@ -295,7 +295,7 @@ def ends_of(
 ) -> tuple[Array, Array]:
     """Mean speeds (m/s) over the last quarter of each horizon and last positions (m), (scenario,) each."""
     times = np.stack([(1.0 - LAST_PART) * horizon_s, horizon_s], axis=1)
-    x = model.positions_with(scenarios, times, offsets).x_m
+    x = model.ways_with(scenarios, times, offsets)
     return np.asarray((x[:, 1] - x[:, 0]) / (LAST_PART * horizon_s)), np.asarray(x[:, 1])
 
 

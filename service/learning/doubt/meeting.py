@@ -30,6 +30,10 @@ class OffsetModel(TrajectoryModel, Protocol):
         """`positions` where the resistance is larger by `offset`, a fraction of the weight, one or (scenario,)."""
         ...
 
+    def ways_with(self, scenarios: Scenarios, time_s: Array, offset: Array | float) -> Array:
+        """The x (m) of `positions_with` alone, (scenario, time)."""
+        ...
+
     def drive_run(self, run: ObservedRun, offset: float = 0.0) -> Positions:
         """What the model says of a recorded run, (1, time) at its times, given its slopes, controls and mass."""
         ...

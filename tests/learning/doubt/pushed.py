@@ -38,6 +38,9 @@ class Pushed:
         x = settled[:, None] * (time_s - _LAG_S * (1.0 - np.exp(-time_s / _LAG_S)))
         return Positions(x, np.full_like(x, 0.2))
 
+    def ways_with(self, scenarios: Scenarios, time_s: Array, offset: Array | float) -> Array:
+        return self.positions_with(scenarios, time_s, offset).x_m
+
     def motion(self, scenarios: Scenarios, time_s: Array) -> Motion:
         return motion_by_difference(self.positions, scenarios, time_s)
 

@@ -1,0 +1,19 @@
+"""Models that answer many scenarios and say what each way comes to in one go."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from service.learning.drive.whole import Whole
+from service.physics.scenario import Array, Motion, Scenarios
+
+
+@runtime_checkable
+class KnowsWholes(Protocol):
+    """Of its `motion` at times, its horizons and up to two looks it also knows what summaries are made of."""
+
+    def whole_motion(
+        self, scenarios: Scenarios, time_s: Array, horizon_s: Array, look_s: Array
+    ) -> tuple[Motion, Whole]:
+        """Times that do not fall, (time,) or (scenario, time); horizons (scenario,)."""
+        ...
