@@ -49,6 +49,21 @@ def classes(late_speed_m_s: Array, end_m: Array) -> npt.NDArray[np.intp]:
     return np.where(slides, Class.SLIDES, np.where(goes_up, Class.CLIMBS, Class.STALLS))
 
 
+def class_of(late_speed_m_s: float, end_m: float) -> Class:
+    """`classes` of one rover, in plain numbers."""
+    if late_speed_m_s < -LATE_SPEED_M_S or (late_speed_m_s > LATE_SPEED_M_S and end_m < 0):
+        return Class.SLIDES
+    return Class.CLIMBS if late_speed_m_s > LATE_SPEED_M_S else Class.STALLS
+
+
+def is_sure(found: Class, late_speed_m_s: float) -> bool:
+    """Whether an error, as often above zero as below, most probably leaves this class of a model's answer as it is.
+
+    Where the model stalls, or has slid and goes up again, only probabilities tell.
+    """
+    return found is not Class.STALLS and not (found is Class.SLIDES and late_speed_m_s > 0)
+
+
 def climbs(late_speed_m_s: float, end_m: float) -> bool:
     """Whether one rover neither stalls nor is below its start: larger speeds and ends change nothing."""
     return late_speed_m_s >= LATE_SPEED_M_S and end_m >= 0.0

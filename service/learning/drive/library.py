@@ -126,6 +126,22 @@ class CompiledRelease(ctypes.Structure):
     ]
 
 
+class CompiledTimetable(ctypes.Structure):
+    """`rover_timetable`."""
+
+    _fields_: ClassVar[_Fields] = [
+        ("times", _INTEGER),
+        ("time_s", _POINTER),
+        ("shown", _INTEGER),
+        ("shown_places", _POINTER),
+        ("own", _INTEGER),
+        ("own_places", _POINTER),
+        ("late", _INTEGER),
+        ("looks", _INTEGER),
+        ("look_places", _POINTER),
+    ]
+
+
 # The engine's types by name, whose sizes are compared when it is loaded.
 MIRRORS: dict[str, type[ctypes.Structure]] = {
     "rover_parameters": Parameters,
@@ -136,6 +152,7 @@ MIRRORS: dict[str, type[ctypes.Structure]] = {
     "rover_controls": CompiledControls,
     "rover_run": CompiledRun,
     "rover_release": CompiledRelease,
+    "rover_timetable": CompiledTimetable,
 }
 
 # Everything but integers and numbers is the address of an array of float64 (offsets: int64), or of a struct.
@@ -149,6 +166,7 @@ _ARGUMENTS: dict[str, tuple[list[type], type | None]] = {
     "rover_present": ([_INTEGER, _POINTER, _POINTER], None),
     "rover_drive": ([*[_POINTER] * 4, _NUMBER, _INTEGER, _POINTER, _POINTER], None),
     "rover_constant": ([_POINTER, _INTEGER, _POINTER, _INTEGER, _POINTER, _INTEGER, _POINTER], None),
+    "rover_scenario": ([*[_POINTER] * 3, *[_NUMBER] * 3, *[_POINTER] * 3], None),
     "rover_step": ([_POINTER, _INTEGER, *[_POINTER] * 4], None),
     "rover_sweep": ([_POINTER, _INTEGER, _INTEGER, _POINTER, _INTEGER, _POINTER, _POINTER, _INTEGER, _POINTER], None),
 }
