@@ -22,6 +22,7 @@ from service.physics.wheel_speed import slip_ratio
 from service.twin.prediction import Frame
 from service.twin.summary import LAST_PART, NAMED, Outcome, Summary, late_place, own_times
 
+_SLOPE = Frame.SLOPE  # to find a member of an enumeration takes as long as an array operation
 _TABLES_KEPT = 16  # at 20,001 points half a megabyte each
 
 
@@ -86,7 +87,7 @@ def summary_of(
     end = account.end_x_m - account.start_x_m
     late_speed, mean_speed = (account.end_x_m - account.late_x_m) / (LAST_PART * horizon_s), end / horizon_s
     found = class_of(late_speed, end)
-    outcome = NAMED[found] if likeliest is None or is_sure(found, late_speed) else likeliest(late_speed, end)
+    outcome = NAMED[found.value] if likeliest is None or is_sure(found, late_speed) else likeliest(late_speed, end)
     slip = slip_ratio(rover, mean_speed, account.wheels_rad_s)
     return Summary(outcome, account.end_x_m, account.end_height_m, account.path_m, mean_speed, slip)
 
@@ -99,7 +100,7 @@ def is_finite(account: Account) -> bool:
 def trajectory_of(rows: Array, asked: Asked, slope_rad: float) -> dict[str, Array]:
     """The columns of an answer, (time,) each, from the model's rows."""
     along, speed, front, rear, normal = rows
-    if asked.frame is Frame.SLOPE:
+    if asked.frame is _SLOPE:
         columns = {"time_s": asked.time_s, "x_m": along, "y_m": normal}
     else:
         across, up = slope_to_world(along, normal, slope_rad)

@@ -39,6 +39,9 @@ class Class(IntEnum):
     SLIDES = 2
 
 
+_CLIMBS, _STALLS, _SLIDES = Class  # a member of an enumeration is slow to find
+
+
 def classes(late_speed_m_s: Array, end_m: Array) -> npt.NDArray[np.intp]:
     """By the mean speed over the last quarter (of a drive: of as much time in which its motors drove), (scenario,).
 
@@ -52,8 +55,8 @@ def classes(late_speed_m_s: Array, end_m: Array) -> npt.NDArray[np.intp]:
 def class_of(late_speed_m_s: float, end_m: float) -> Class:
     """`classes` of one rover, in plain numbers."""
     if late_speed_m_s < -LATE_SPEED_M_S or (late_speed_m_s > LATE_SPEED_M_S and end_m < 0):
-        return Class.SLIDES
-    return Class.CLIMBS if late_speed_m_s > LATE_SPEED_M_S else Class.STALLS
+        return _SLIDES
+    return _CLIMBS if late_speed_m_s > LATE_SPEED_M_S else _STALLS
 
 
 def is_sure(found: Class, late_speed_m_s: float) -> bool:
@@ -61,7 +64,7 @@ def is_sure(found: Class, late_speed_m_s: float) -> bool:
 
     Where the model stalls, or has slid and goes up again, only probabilities tell.
     """
-    return found is not Class.STALLS and not (found is Class.SLIDES and late_speed_m_s > 0)
+    return found is not _STALLS and not (found is _SLIDES and late_speed_m_s > 0)
 
 
 def climbs(late_speed_m_s: float, end_m: float) -> bool:
