@@ -11,7 +11,7 @@ import orjson
 from pydantic import BaseModel, BeforeValidator, ConfigDict, FailFast, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from service.allowed import allowed_fields
+from service.allowed import Words
 from service.errors import InvalidValueError
 from service.learning.band import HIGHEST_LEVEL, LOWEST_LEVEL, USUAL_LEVEL
 from service.physics.scenario import Array
@@ -272,7 +272,7 @@ class PredictionQuery(FormatQuery, PredictionInputs):
     ]
 
 
-ALLOWED = allowed_fields(PredictionQuery.model_json_schema())
+ALLOWED = Words.of(PredictionQuery)
 """What each field of a prediction accepts, in words."""
 
 

@@ -41,7 +41,7 @@ _STEP_BOUNDS_S = (0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.
 _VERSION = ("model_name", "model_version")
 
 
-class _Times:
+class SeriesOfTimes:
     """One series of a histogram: counts in it as `observe` does, without asking each time whether it is one."""
 
     def __init__(self, series: Histogram) -> None:
@@ -68,8 +68,8 @@ class Instruments:
             ProcessCollector(registry=own)
             PlatformCollector(registry=own)
         self._versions: dict[tuple[str, int], tuple[str, str]] = {}
-        self._answered: dict[tuple[str, str, int], tuple[Counter, _Times]] = {}
-        self._computed: dict[tuple[str, str], tuple[_Times, dict[Outcome, Counter]]] = {}
+        self._answered: dict[tuple[str, str, int], tuple[Counter, SeriesOfTimes]] = {}
+        self._computed: dict[tuple[str, str], tuple[SeriesOfTimes, dict[Outcome, Counter]]] = {}
         self._driven: dict[tuple[str, str], tuple[Histogram, dict[DriveOutcome, Counter]]] = {}
         self._requests = Counter(
             f"{PREFIX}http_requests", "Answered requests.", ("method", "route", "status"), registry=own
@@ -172,7 +172,7 @@ class Instruments:
         series = self._answered.get(place)
         if series is None:
             requests, durations = self._requests.labels(method, route, str(status)), self._seconds.labels(method, route)
-            series = self._answered[place] = requests, _Times(durations)
+            series = self._answered[place] = requests, SeriesOfTimes(durations)
         series[0].inc()
         series[1].observe(seconds)
 
@@ -236,9 +236,9 @@ class Instruments:
         if not inside:
             self._drives_outside.labels(*labels).inc()
 
-    def _series_of(self, labels: tuple[str, str]) -> tuple[_Times, dict[Outcome, Counter]]:
+    def _series_of(self, labels: tuple[str, str]) -> tuple[SeriesOfTimes, dict[Outcome, Counter]]:
         by_outcome = {outcome: self._scenarios.labels(*labels, outcome.value) for outcome in Outcome}
-        series = self._computed[labels] = _Times(self._compute.labels(*labels)), by_outcome
+        series = self._computed[labels] = SeriesOfTimes(self._compute.labels(*labels)), by_outcome
         return series
 
     def exposition(self, accept: str = "", *others: Collector) -> tuple[str, bytes]:
