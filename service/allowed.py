@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 _KINDS = {
     "string": "text",
@@ -13,6 +17,31 @@ _KINDS = {
     "array": "a list",
     "object": "a JSON object",
 }
+
+
+class Words(Mapping[str, str]):
+    """What each field allows, found out when it is first looked at: a service that starts has no fault to tell."""
+
+    def __init__(self, find: Callable[[], Mapping[str, str]]) -> None:
+        self._find = find
+
+    @classmethod
+    def of(cls, model: type[BaseModel]) -> Words:
+        """Those of a model."""
+        return cls(lambda: allowed_fields(model.model_json_schema()))
+
+    @cached_property
+    def _found(self) -> Mapping[str, str]:
+        return self._find()
+
+    def __getitem__(self, field: str) -> str:
+        return self._found[field]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
 
 
 def allowed_fields(schema: Mapping[str, Any]) -> dict[str, str]:

@@ -197,6 +197,7 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
         redirect_slashes=False,
         separate_input_output_schemas=False,
         generate_unique_id_function=operation_id,
+        telemetry={"tracing": False, "metrics": False, "logs": False},  # ours are in tracing and instruments
     )
     larger = {
         ("POST", datasets.router.prefix): chosen.max_upload_bytes,

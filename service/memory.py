@@ -7,18 +7,48 @@ many threads would grow by a seventh over its first forty thousand requests.
 from __future__ import annotations
 
 import ctypes
+import gc
+import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -2, -3, -8  # of malloc.h
 _ARENAS = 1  # threads seldom allocate at once: nearly all of it happens under the interpreter lock
 _OWN_PAGES_BYTES = 1 << 20  # blocks from there on have pages of their own, which go back at once
 # What the arena keeps of freed memory, and how much more it asks for than it needs, which costs nothing until it is
 # used. Without them a request for a thousand rovers takes 2,000 pages from the system and gives them back: 8 of 30 ms.
-_KEPT_BYTES, _AHEAD_BYTES = 64 << 20, 32 << 20
+_KEPT_BYTES, _AHEAD_BYTES = 16 << 20, 8 << 20
+
+
+_OBJECTS_BETWEEN_LOOKS = 5_000  # Python's 700 are what a dozen requests make, and nothing of it stays
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """No garbage is looked for meanwhile: of what is imported and put together nothing is, and to look takes time."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+def settle() -> None:
+    """What there is by now stays for good: no collection need look through it while requests wait."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(_OBJECTS_BETWEEN_LOOKS, *gc.get_threshold()[1:])
 
 
 def limit_arenas() -> None:
-    """Let all threads share one arena, and large blocks have none. Call it before there are threads."""
+    """Let all threads share one arena, and large blocks have none. Call it before there are threads.
+
+    Arrow is told to use it too: a pool of its own keeps what it had once.
+    """
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     if (library := _library()) is not None and hasattr(library, "mallopt"):
         library.mallopt(_M_ARENA_MAX, _ARENAS)
         library.mallopt(_M_MMAP_THRESHOLD, _OWN_PAGES_BYTES)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import json
 import os
 import signal
@@ -27,7 +26,7 @@ from service.api.services import Lifecycle
 from service.api.v1 import live
 from service.app import create_app, error_answers
 from service.log import configure_logging
-from service.memory import limit_arenas
+from service.memory import limit_arenas, settle, uncollected
 from service.processes import run_processes
 from service.settings import Settings, require_tokens
 
@@ -137,10 +136,10 @@ def _serve(
     lifecycle = Lifecycle()
     counting = instruments or Instruments()
     allow_files(settings.max_connections)
-    server = make_server(create_app(settings, lifecycle, counting), settings, lifecycle, counting)
-    gc.collect()
+    with uncollected():
+        server = make_server(create_app(settings, lifecycle, counting), settings, lifecycle, counting)
     server.ends_process = True
-    gc.freeze()  # modules and routes stay for good: no collection need look through them while requests wait
+    settle()
     try:
         server.run(sockets)
     finally:

@@ -1,13 +1,17 @@
-"""Where words go: answers to stdout, so that they can be piped; notes and progress to stderr."""
+"""Where words go: answers to stdout, so that they can be piped; notes and progress to stderr.
+
+Rich is imported by whoever shows a table, not by a service that starts.
+"""
 
 from __future__ import annotations
 
 import json
 import sys
+from typing import TYPE_CHECKING
 
-from rich.console import Console, Group, RenderableType
-from rich.table import Table
-from rich.text import Text
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
 
 # A table that is piped has no screen to fit: wide enough that no cell is folded.
 _PIPED_WIDTH = 240
@@ -22,6 +26,8 @@ def print_json(content: object) -> None:
 
 def print_answer(answer: RenderableType) -> None:
     """Text or a table on stdout; colours only where a terminal shows them."""
+    from rich.console import Console
+
     console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else _PIPED_WIDTH, highlight=False)
     console.print(answer, markup=False)
 
@@ -33,6 +39,8 @@ def note(text: str) -> None:
 
 def make_table(*columns: str, left: int = 1) -> Table:
     """A plain table; the first `left` columns hold text, the others numbers."""
+    from rich.table import Table
+
     table = Table(box=None, pad_edge=False)
     for index, column in enumerate(columns):
         table.add_column(column, justify="left" if index < left else "right", overflow="fold")
@@ -41,4 +49,7 @@ def make_table(*columns: str, left: int = 1) -> Table:
 
 def titled(title: str, table: Table) -> RenderableType:
     """A table under its title. (Rich's own titles are folded to the width of the table.)"""
+    from rich.console import Group
+    from rich.text import Text
+
     return Group(Text(title, style="bold"), table)

@@ -118,6 +118,7 @@ class Domain:
     regolith: RegolithParameters
     neighbourhood: Neighbourhood | None = None
     _bounds: Array = field(init=False, repr=False, compare=False)
+    _spans: tuple[tuple[str, float, float], ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for name in FIELDS:
@@ -126,6 +127,7 @@ class Domain:
             lowest, highest = self.spans[name]
             if not (np.isfinite(lowest) and np.isfinite(highest) and lowest <= highest):
                 raise ValueError(f"the domain's {name} is {lowest} to {highest}")
+        object.__setattr__(self, "_spans", tuple((name, *self.spans[name]) for name in FIELDS))
         object.__setattr__(self, "_bounds", np.array([self.spans[name] for name in FIELDS], dtype=np.float64).T)
 
     @classmethod
@@ -156,7 +158,7 @@ class Domain:
         known = self.neighbourhood
         if known is None:
             return DomainVerdict(not reasons, reasons)
-        return _with_nearest(reasons, known.nearest_to(known.places_of(slope_deg, mass_kg, torque_nm)), known.limit)
+        return _with_nearest(reasons, known.nearest_to(known.place_of(slope_deg, mass_kg, torque_nm)), known.limit)
 
     def holds_run(self, run: ObservedRun) -> bool:
         """Whether a run is inside: as `judge` has it, or, where it varies, by what it goes through alone."""
@@ -168,9 +170,9 @@ class Domain:
     def _reasons(self, values: Sequence[float]) -> tuple[DomainReason, ...]:
         """What is outside by itself; `values` are in the order of FIELDS."""
         return tuple(
-            DomainReason(name, value, *self.spans[name])
-            for name, value in zip(FIELDS, values, strict=True)
-            if not self.spans[name][0] <= value <= self.spans[name][1]
+            DomainReason(name, value, lowest, highest)
+            for (name, lowest, highest), value in zip(self._spans, values, strict=True)
+            if not lowest <= value <= highest
         )
 
     def judge_many(self, slope_deg: Array, mass_kg: Array, torque_nm: Array, horizon_s: Array) -> DomainVerdicts:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, astuple, dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -62,7 +62,8 @@ class Neighbourhood:
     rover: RoverParameters
     regolith: RegolithParameters
     places: Array = field(init=False)
-    _values: tuple[dict[str, Any], ...] = field(init=False, repr=False)
+    _values: tuple[tuple[Any, ...], ...] = field(init=False, repr=False)
+    _coordinates: tuple[Array, ...] = field(init=False, repr=False)  # of `places`, one after the other
     _scale: Array = field(init=False, repr=False)
     _points: Points = field(init=False, repr=False)
 
@@ -76,10 +77,10 @@ class Neighbourhood:
         errors = [run.left_out_final_error_m for run in self.runs if run.left_out_final_error_m is not None]
         if not all(np.isfinite(error) and error >= 0 for error in errors):
             raise ValueError("the domain's runs have a left_out_final_error_m that is no distance")
-        names = [each.name for each in fields(TrainingRun)]
-        object.__setattr__(self, "_values", tuple({name: getattr(run, name) for name in names} for run in self.runs))
+        object.__setattr__(self, "_values", tuple(map(astuple, self.runs)))
         object.__setattr__(self, "_scale", np.array(self.scales))
         object.__setattr__(self, "places", self.coordinates(_scenarios(self.runs)))
+        object.__setattr__(self, "_coordinates", tuple(np.ascontiguousarray(self.places.T)))
         object.__setattr__(self, "_points", Points.of(self.places))
 
     @classmethod
@@ -120,12 +121,18 @@ class Neighbourhood:
         """Distance of each scenario to each run, shape (scenario, run)."""
         return np.asarray(np.linalg.norm(self.coordinates(scenarios)[:, None] - self.places, axis=2), dtype=np.float64)
 
-    def nearest_to(self, place: Array) -> tuple[NearestRun, ...]:
-        """The runs nearest to one place of shape (3,), nearest first."""
-        gaps = self.places - place
-        squares = np.einsum("ij,ij->i", gaps, gaps)
-        order = squares.argsort(kind="stable")[:NEAREST]
-        return self.nearest_runs(order, np.sqrt(squares[order]))
+    def nearest_to(self, place: Sequence[float]) -> tuple[NearestRun, ...]:
+        """The runs nearest to one place, three numbers, nearest first; of equals the first one."""
+        first, second, third = self._coordinates
+        squares = np.square(first - place[0])
+        squares += np.square(second - place[1])
+        squares += np.square(third - place[2])
+        found = []
+        for _ in range(min(NEAREST, len(self.runs))):
+            at = int(squares.argmin())
+            found.append(self._near(at, math.sqrt(squares.item(at))))
+            squares[at] = np.inf
+        return tuple(found)
 
     def nearest_many(self, places: Array, count: int = NEAREST) -> tuple[npt.NDArray[np.intp], Array]:
         """Which runs are nearest to each place (scenario, 3), and their distances: both (scenario, up to `count`).
@@ -151,19 +158,23 @@ class Neighbourhood:
             found[rows] = self._points.squared_distances(places[rows]).min(axis=1)
         return np.sqrt(found, out=found)
 
-    def least_distance(self, slope_deg: float, mass_kg: float, torque_nm: float) -> float:
-        """That of one place by its inputs, mostly in plain numbers: in a tenth of the time."""
+    def place_of(self, slope_deg: float, mass_kg: float, torque_nm: float) -> tuple[float, float, float]:
+        """`places_of` one place, in plain numbers: in a tenth of the time."""
         ratio = torque_ratio_of(self.rover, self.regolith, mass_kg, torque_nm)
-        raw = (slope_deg, math.log(max(ratio, _SMALLEST_TORQUE_RATIO)), math.log(mass_kg))  # as `_raw` has it
         slope, torque, mass = self.scales
-        return self._points.least_distance((raw[0] / slope, raw[1] / torque, raw[2] / mass))
+        return slope_deg / slope, math.log(max(ratio, _SMALLEST_TORQUE_RATIO)) / torque, math.log(mass_kg) / mass
+
+    def least_distance(self, slope_deg: float, mass_kg: float, torque_nm: float) -> float:
+        """How far the nearest run is from one place, by its inputs."""
+        return self._points.least_distance(self.place_of(slope_deg, mass_kg, torque_nm))
 
     def nearest_runs(self, order: npt.NDArray[np.intp], distances: Array) -> tuple[NearestRun, ...]:
         """One place's row of `nearest_many` as runs."""
-        return tuple(
-            NearestRun(**self._values[at], distance=distance)
-            for at, distance in zip(order.tolist(), distances.tolist(), strict=True)
-        )
+        return tuple(map(self._near, order.tolist(), distances.tolist()))
+
+    def _near(self, at: int, distance: float) -> NearestRun:
+        run, slope_deg, mass_kg, torque_nm, error_m = self._values[at]
+        return NearestRun(run, slope_deg, mass_kg, torque_nm, error_m, distance)
 
     def describe(self) -> dict[str, Any]:
         """As JSON values."""

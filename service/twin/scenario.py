@@ -30,6 +30,12 @@ class Scenario:
     horizon_s: float
 
     def __post_init__(self) -> None:
+        fits = -90.0 < self.slope_deg < 90.0 and 0.0 < self.mass_kg < math.inf and 0.0 <= self.torque_nm < math.inf
+        if not (fits and _SHORTEST_S < self.horizon_s < math.inf):
+            self._refuse()
+
+    def _refuse(self) -> None:
+        """Raises InvalidValueError for the first value that does not fit."""
         for field, lowest, highest, allowed in (
             ("slope_deg", -90.0, 90.0, "more than -90 and less than 90"),
             ("mass_kg", 0.0, math.inf, "positive and finite"),
@@ -44,6 +50,7 @@ class Scenario:
         return Scenarios.of(self.slope_deg, self.mass_kg, self.torque_nm)
 
 
+@lru_cache(maxsize=1024)
 def sample_count(horizon_s: float, dt_s: float) -> int:
     """How many times `sample_times` returns."""
     return math.floor(horizon_s / dt_s + _SAME_TIME) + 1 + (not _ends_on_step(horizon_s, dt_s))

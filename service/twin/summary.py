@@ -27,7 +27,8 @@ class Outcome(StrEnum):
     SLIDES = "slides"
 
 
-_NAMED = {Class.CLIMBS.value: Outcome.CLIMBS, Class.STALLS.value: Outcome.STALLS, Class.SLIDES.value: Outcome.SLIDES}
+NAMED = {Class.CLIMBS.value: Outcome.CLIMBS, Class.STALLS.value: Outcome.STALLS, Class.SLIDES.value: Outcome.SLIDES}
+"""Outcomes by their numbers in `Class`."""
 
 
 LAST_PART = 0.25
@@ -99,7 +100,7 @@ def outcomes_of(late_speeds_m_s: Array, ends_m: Array) -> tuple[Outcome, ...]:
 
 def named(found: npt.NDArray[np.intp]) -> tuple[Outcome, ...]:
     """Outcomes by their numbers in `Class`, shape (scenario,)."""
-    return tuple(_NAMED[each] for each in found.tolist())
+    return tuple(NAMED[each] for each in found.tolist())
 
 
 def own_times(horizons_s: Array, *, quick: bool) -> Array:
@@ -113,7 +114,12 @@ def own_times(horizons_s: Array, *, quick: bool) -> Array:
 
 def late(own: Array) -> Array:
     """The values, (scenario,), where the last part of the horizon begins, of those at `own_times`."""
-    return own[:, round((1.0 - LAST_PART) * (own.shape[1] - 1))]
+    return own[:, late_place(own.shape[1])]
+
+
+def late_place(times: int) -> int:
+    """Which of so many `own_times` it is."""
+    return round((1.0 - LAST_PART) * (times - 1))
 
 
 def path_length_m(positions: Positions) -> Array:

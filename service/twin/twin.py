@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import cast
+from functools import partial
+from typing import Self, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -15,19 +17,22 @@ from service.learning.band import Band
 from service.learning.domain import Domain, DomainVerdict
 from service.learning.doubt.doubt import Doubt, ends_of
 from service.learning.doubt.meeting import OffsetModel
+from service.learning.drive.timetable import Account
 from service.learning.drive.whole import MOST_LOOKS, Whole
 from service.learning.trajectory_model import TrajectoryModel
-from service.physics.frames import slope_to_world
-from service.physics.scenario import Array, Motion, Positions, Scenarios
+from service.physics.scenario import Array, Positions, Scenarios
 from service.physics.wheel_speed import slip_ratio, wheel_speed_rad_s
 from service.tracing import span_of
 from service.twin.batch import PredictionBatch, as_physics
+from service.twin.columns import bounds_of, first_band, first_prior, first_row, in_frame, positions_of, speeds
+from service.twin.one import AnswersAtOnce, Asked, is_finite, summary_of, table_of, trajectory_of
 from service.twin.prediction import Frame, NonFiniteError, OutsideDomainError, Prediction, PredictionBand
 from service.twin.scenario import Scenario
 from service.twin.summary import (
     LAST_PART,
     Outcome,
     Summaries,
+    Summary,
     late,
     mean_wheel_speed_rad_s,
     named,
@@ -49,15 +54,20 @@ class _Core:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Asked:
-    """At which times and for which parts of an answer; as `Twin.predict` takes them."""
+class _One:
+    """What one prediction is made of; members as those of `Prediction`."""
 
-    time_s: Array
-    frame: Frame
-    band_level: float | None
-    prior: bool
-    speed: bool
-    wheel_speed: bool
+    trajectory: dict[str, Array]
+    prior: Mapping[str, Array] | None
+    summary: Summary
+    band: PredictionBand | None
+
+    @classmethod
+    def of(cls, core: _Core, time_s: Array) -> Self:
+        """That of the first of many."""
+        trajectory = {"time_s": time_s, **first_row(core.trajectory)}
+        prior = None if core.prior is None else first_row(core.prior)
+        return cls(trajectory, prior, core.summaries[0], first_band(core.band))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,8 +86,13 @@ class Twin:
     wheel_motion_resistance: float | None
     band: Band | Doubt | None = None
     fingerprint: str = field(init=False, repr=False)
+    _at_once: AnswersAtOnce | None = field(init=False, repr=False)
+    _looks_s: tuple[float, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "_at_once", self.model if isinstance(self.model, AnswersAtOnce) else None)
+        looks = () if self.band is None else tuple(self.band.look_s.tolist())
+        object.__setattr__(self, "_looks_s", looks)
         manifest = self.manifest
         files = ",".join(each.sha256 for each in manifest.files.values())
         text = f"{manifest.name}@{manifest.version} {manifest.created_at.isoformat()} {files}"
@@ -114,20 +129,20 @@ class Twin:
         0.5 to 0.99, for wheel speeds of a model that does not know them, and NonFiniteError instead of answering with
         NaN or infinity.
         """
-        physics, horizons = scenario.as_physics(), np.array([scenario.horizon_s])
-        _own_samples(time_s, horizons)
-        asked = _Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
+        if time_s.ndim != 1 or not time_s.size or time_s[-1] != scenario.horizon_s:
+            raise ValueError("times must be (time,) and end at the scenario's horizon")
+        asked = Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
         with span_of("predict", self, 1):
-            core = self._predicted((scenario,), physics, horizons, asked)
+            one = self._answered(scenario, asked)
         return Prediction(
             scenario=scenario,
             frame=frame,
-            trajectory={"time_s": time_s, **_first_row(core.trajectory)},
+            trajectory=one.trajectory,
             prior_name=self.model.prior.name,
-            prior=None if core.prior is None else _first_row(core.prior),
+            prior=one.prior,
             domain=self.domain.judge(scenario.slope_deg, scenario.mass_kg, scenario.torque_nm, scenario.horizon_s),
-            summary=core.summaries[0],
-            band=None if core.band is None else PredictionBand(core.band.level, **_first_row(core.band.columns())),
+            summary=one.summary,
+            band=one.band,
         )
 
     def predict_many(
@@ -150,7 +165,7 @@ class Twin:
         horizons = np.array([scenario.horizon_s for scenario in scenarios], dtype=np.float64)
         counts = _own_samples(time_s, horizons)
         physics = as_physics(scenarios)
-        asked = _Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
+        asked = Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
         with span_of("predict", self, len(scenarios)):
             core = self._predicted(scenarios, physics, horizons, asked)
         slopes = np.array([scenario.slope_deg for scenario in scenarios])
@@ -167,34 +182,44 @@ class Twin:
             band=core.band,
         )
 
-    def _predicted(self, scenarios: Sequence[Scenario], physics: Scenarios, horizons_s: Array, asked: _Asked) -> _Core:
+    def _answered(self, scenario: Scenario, asked: Asked) -> _One:
+        """One prediction. Raises as `predict` does."""
+        if self._at_once is None:
+            core = self._predicted((scenario,), scenario.as_physics(), np.array([scenario.horizon_s]), asked)
+            return _One.of(core, asked.time_s)
+        band, slope_rad = self._band_for(asked), math.radians(scenario.slope_deg)
+        table = table_of(asked.time_s, self._looks_s)
+        rows, account = self._at_once.scenario(slope_rad, scenario.mass_kg, scenario.torque_nm, table)
+        if not is_finite(account):
+            raise self._no_finite_answer(scenario)
+        likeliest = None if self.doubt is None else partial(self._likeliest, scenario, account)
+        summary = summary_of(account, scenario.horizon_s, self.model.prior.rover, likeliest)
+        trajectory = trajectory_of(rows, asked, slope_rad)
+        if band is None and not asked.prior:
+            return _One(trajectory, None, summary, None)
+        physics, shown = scenario.as_physics(), Positions(rows[:1], rows[4:])
+        prior, bounds = self._beside(physics, asked, band, shown, self._seen(account))
+        self._require_finite((scenario,), [*positions_of(prior), *bounds_of(bounds)])
+        return _One(trajectory, first_prior(prior, physics, asked.frame), summary, first_band(bounds))
+
+    def _predicted(self, scenarios: Sequence[Scenario], physics: Scenarios, horizons_s: Array, asked: Asked) -> _Core:
         band = self._band_for(asked)
-        if asked.wheel_speed and not self.model.knows_wheel_speeds:
-            none = f"speed; {self.name}@{self.version} does not know how fast its wheels turn"
-            raise InvalidValueError("include", "wheel_speed", none)
-        looks = band if band is not None else self.doubt
-        look_s = np.empty(0) if looks is None else looks.look_s
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-            shown, seen, summaries = self._driven(physics, horizons_s, asked, look_s)
-            prior = self.model.prior.positions(physics, asked.time_s) if asked.prior else None
-            bounds = None
-            if band is not None and asked.band_level is not None:
-                edges = band.edges(self.offset_model, physics, asked.time_s, asked.band_level, shown, seen)
-                bounds = PredictionBand(asked.band_level, edges.x_low_m, edges.x_high_m, edges.y_low_m, edges.y_high_m)
-        trajectory = {**_in_frame(shown, physics, asked.frame), **_speeds(shown, asked)}
-        self._require_finite(scenarios, trajectory, prior, summaries, bounds)
+            shown, seen, summaries = self._driven(physics, horizons_s, asked)
+            prior, bounds = self._beside(physics, asked, band, shown, seen)
+        trajectory = {**in_frame(shown, physics, asked.frame), **speeds(shown, asked)}
+        told = [*trajectory.values(), summaries.distance_m[:, None], summaries.mean_speed_m_s[:, None]]
+        self._require_finite(scenarios, [*told, *positions_of(prior), *bounds_of(bounds)])
         return _Core(
             trajectory=trajectory,
-            prior=None if prior is None else _in_frame(prior, physics, asked.frame),
+            prior=None if prior is None else in_frame(prior, physics, asked.frame),
             summaries=summaries,
             band=bounds,
         )
 
-    def _driven(
-        self, physics: Scenarios, horizons_s: Array, asked: _Asked, look_s: Array
-    ) -> tuple[Positions, Array, Summaries]:
+    def _driven(self, physics: Scenarios, horizons_s: Array, asked: Asked) -> tuple[Positions, Array, Summaries]:
         """What is shown, x (scenario, look) at the looks, and the summaries."""
-        model = self.model
+        model, look_s = self.model, np.array(self._looks_s)
         if len(physics) > 1 and len(look_s) <= MOST_LOOKS and isinstance(model, KnowsWholes):
             motion, whole = model.whole_motion(physics, asked.time_s, horizons_s, look_s)
             return motion, whole.seen_m, self._summary_of(physics, horizons_s, motion, whole)
@@ -205,6 +230,26 @@ class Twin:
         found = ask(physics, _joined([asked.time_s, own, look_s], len(horizons_s)))
         shown, seen = found.samples(slice(count)), found.x_m[:, end:]
         return shown, seen, self._summarise(physics, horizons_s, shown, found.samples(slice(count, end)), seen)
+
+    def _beside(
+        self, physics: Scenarios, asked: Asked, band: Band | Doubt | None, shown: Positions, seen_m: Array
+    ) -> tuple[Positions | None, PredictionBand | None]:
+        """The prior's positions and the band's bounds, where they are asked for."""
+        prior = self.model.prior.positions(physics, asked.time_s) if asked.prior else None
+        if band is None or asked.band_level is None:
+            return prior, None
+        edges = band.edges(self.offset_model, physics, asked.time_s, asked.band_level, shown, seen_m)
+        bounds = edges.x_low_m, edges.x_high_m, edges.y_low_m, edges.y_high_m
+        return prior, PredictionBand(asked.band_level, *bounds)
+
+    def _likeliest(self, scenario: Scenario, account: Account, late_speed_m_s: float, end_m: float) -> Outcome:
+        """The most probable outcome of one scenario, whose way came to this."""
+        horizon, late_speed, end = (np.array([each]) for each in (scenario.horizon_s, late_speed_m_s, end_m))
+        return self.likely_outcomes(scenario.as_physics(), horizon, late_speed, end, self._seen(account))[0]
+
+    def _seen(self, account: Account) -> Array:
+        """x at the looks of the band, (1, look)."""
+        return np.array([(account.seen_m, account.seen_later_m)[: len(self._looks_s)]])
 
     def outside(self, verdict: DomainVerdict) -> OutsideDomainError:
         """What to tell a client that asked to be strict of a scenario with this verdict."""
@@ -280,10 +325,12 @@ class Twin:
             raise InvalidValueError("include", "band", none)
         return self.band
 
-    def _band_for(self, asked: _Asked) -> Band | Doubt | None:
-        if asked.band_level is None:
-            return None
-        return self.band_in(asked.frame)
+    def _band_for(self, asked: Asked) -> Band | Doubt | None:
+        """The band that is asked for. Raises InvalidValueError for parts that this version does not have."""
+        if asked.wheel_speed and not self.model.knows_wheel_speeds:
+            none = f"speed; {self.name}@{self.version} does not know how fast its wheels turn"
+            raise InvalidValueError("include", "wheel_speed", none)
+        return None if asked.band_level is None else self.band_in(asked.frame)
 
     def band_in(self, frame: Frame) -> Band | Doubt:
         """The band that is asked for in a frame. Raises InvalidValueError for another frame than that of slopes."""
@@ -320,22 +367,14 @@ class Twin:
             slip_ratio=self._slip_ratios(physics, mean_speed, whole.wheels_rad_s),
         )
 
-    def _require_finite(
-        self,
-        scenarios: Sequence[Scenario],
-        trajectory: Mapping[str, Array],
-        prior: Positions | None,
-        summaries: Summaries,
-        band: PredictionBand | None,
-    ) -> None:
-        numbers = [*trajectory.values(), summaries.distance_m[:, None], summaries.mean_speed_m_s[:, None]]
-        numbers += [] if prior is None else [prior.x_m, prior.y_m]
-        numbers += [] if band is None else band.columns().values()
+    def _require_finite(self, scenarios: Sequence[Scenario], numbers: Sequence[Array]) -> None:
+        """`numbers` are arrays (scenario, ...)."""
         if not all(np.isfinite(each).all() for each in numbers):
             finite = np.logical_and.reduce([np.isfinite(each).all(axis=1) for each in numbers])
-            raise NonFiniteError(
-                f"{self.name}@{self.version} has no finite answer for {scenarios[int(finite.argmin())]}"
-            )
+            raise self._no_finite_answer(scenarios[int(finite.argmin())])
+
+    def _no_finite_answer(self, scenario: Scenario) -> NonFiniteError:
+        return NonFiniteError(f"{self.name}@{self.version} has no finite answer for {scenario}")
 
 
 def _own_samples(time_s: Array, horizons_s: Array) -> npt.NDArray[np.intp]:
@@ -359,27 +398,3 @@ def _joined(parts: Sequence[Array], rows: int) -> Array:
     if all(part.ndim == 1 for part in parts):
         return np.concatenate(parts)
     return np.concatenate([np.broadcast_to(part, (rows, part.shape[-1])) for part in parts], axis=1)
-
-
-def _first_row(columns: Mapping[str, Array]) -> dict[str, Array]:
-    return {name: column[0] for name, column in columns.items()}
-
-
-def _in_frame(positions: Positions, physics: Scenarios, frame: Frame) -> Mapping[str, Array]:
-    """Positions as columns of the frame, shape (scenario, time)."""
-    if frame is Frame.SLOPE:
-        return {"x_m": positions.x_m, "y_m": positions.y_m}
-    horizontal, up = slope_to_world(positions.x_m, positions.y_m, physics.slope_angle_rad[:, None])
-    return {"x_m": horizontal, "z_m": up}
-
-
-def _speeds(shown: Positions, asked: _Asked) -> Mapping[str, Array]:
-    """The speeds that were asked for, as columns."""
-    if not isinstance(shown, Motion):
-        return {}
-    columns = {"speed_m_s": shown.speed_m_s} if asked.speed else {}
-    if asked.wheel_speed:
-        wheels = {"rear_wheel_speed_rad_s": shown.rear_wheel_speed_rad_s}
-        wheels["front_wheel_speed_rad_s"] = shown.front_wheel_speed_rad_s
-        columns |= {name: column for name, column in wheels.items() if column is not None}
-    return columns

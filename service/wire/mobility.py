@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from service.allowed import allowed_fields
+from service.allowed import Words
 from service.errors import InvalidValueError
 from service.physics.scenario import Array
 from service.pictures.drawing import as_png, as_svg
@@ -95,7 +95,7 @@ def _axis(highest_name: str, lowest_name: str, lowest: float, highest: float, st
     return np.linspace(lowest, highest, steps if highest > lowest else 1)
 
 
-ALLOWED = allowed_fields(MobilityQuery.model_json_schema())
+ALLOWED = Words.of(MobilityQuery)
 
 
 class MobilityAnswer(BaseModel):

@@ -11,7 +11,7 @@ import orjson
 from pydantic import BaseModel, BeforeValidator, ConfigDict, FailFast, Field
 from pydantic.json_schema import SkipJsonSchema
 
-from service.allowed import allowed_fields
+from service.allowed import Words
 from service.errors import InvalidValueError
 from service.learning.band import HIGHEST_LEVEL, LOWEST_LEVEL, USUAL_LEVEL
 from service.physics.scenario import Array
@@ -39,6 +39,10 @@ class Include(StrEnum):
     BAND = "band"
     SPEED = "speed"
     WHEEL_SPEED = "wheel_speed"
+
+
+# Python looks for a member of an enumeration in three places before it finds it, and each question asks for these.
+_PRIOR, _BAND, _SPEED, _WHEEL_SPEED = Include
 
 
 class PredictionInputs(BaseModel):
@@ -131,8 +135,10 @@ class PredictionInputs(BaseModel):
             "that was published without one. `speed` adds to the trajectory the speed along the slope, in both frames, "
             "`wheel_speed` how fast rear and front wheels turn; it is refused by a version that does not know that.",
             examples=[["prior", "band", "speed"]],
+            default_factory=list,  # one that is given would be copied, deeply, for each question
+            json_schema_extra={"default": []},
         ),
-    ] = []
+    ]
     band_level: Annotated[
         float,
         Field(
@@ -154,22 +160,22 @@ class PredictionInputs(BaseModel):
     @property
     def wanted_band_level(self) -> float | None:
         """The level of the band that was asked for; None without `include=band`."""
-        return self.band_level if Include.BAND in self.include else None
+        return self.band_level if _BAND in self.include else None
 
     @property
     def wants_prior(self) -> bool:
         """Whether the prior's positions were asked for."""
-        return Include.PRIOR in self.include
+        return _PRIOR in self.include
 
     @property
     def wants_speed(self) -> bool:
         """Whether the speed along the slope was asked for."""
-        return Include.SPEED in self.include
+        return _SPEED in self.include
 
     @property
     def wants_wheel_speed(self) -> bool:
         """Whether the wheels' speeds were asked for."""
-        return Include.WHEEL_SPEED in self.include
+        return _WHEEL_SPEED in self.include
 
     def question(self) -> bytes:
         """What decides the answer of a given version, in one way only; the same for questions that mean the same."""
@@ -247,8 +253,10 @@ class PredictionQuery(FormatQuery, PredictionInputs):
         Field(
             max_length=len(Include),
             description=str(PredictionInputs.model_fields["include"].description) + " Several with commas.",
+            default_factory=list,
+            json_schema_extra={"default": []},
         ),
-    ] = []
+    ]
     times_s: Annotated[
         list[_Time],
         FailFast(),
@@ -264,7 +272,7 @@ class PredictionQuery(FormatQuery, PredictionInputs):
     ]
 
 
-ALLOWED = allowed_fields(PredictionQuery.model_json_schema())
+ALLOWED = Words.of(PredictionQuery)
 """What each field of a prediction accepts, in words."""
 
 

@@ -9,10 +9,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from prometheus_client import CollectorRegistry, Histogram, generate_latest
 from prometheus_client.openmetrics.parser import text_string_to_metric_families as openmetrics_families
 from prometheus_client.parser import text_string_to_metric_families
 
-from service.api.http.instruments import Instruments
+from service.api.http.instruments import Instruments, SeriesOfTimes
 from service.twin import Outcome
 
 PAGE = Path(__file__).parent.parent.parent / "docs" / "metrics.md"
@@ -160,3 +161,13 @@ def test_the_page_names_every_metric_and_no_other(service_with_token):
     families = text_string_to_metric_families(service_with_token.get("/metrics").text)
     shown = {f"{each.name}{'_total' * (each.type == 'counter')}" for each in families if each.name.startswith("rover_")}
     assert set(re.findall(r"^\| `(rover_twin_\w+)`", PAGE.read_text(), re.MULTILINE)) == shown
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.1, 0.1000001, 0.5, 7.0])
+def test_times_are_counted_as_the_library_counts_them(seconds):
+    def told(observe) -> bytes:
+        registry = CollectorRegistry()
+        observe(Histogram("seconds", "Seconds.", ("route",), buckets=(0.1, 0.5, 2.0), registry=registry).labels("a"))
+        return re.sub(rb".*_created.*", b"", generate_latest(registry))
+
+    assert told(lambda series: SeriesOfTimes(series).observe(seconds)) == told(lambda series: series.observe(seconds))

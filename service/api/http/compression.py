@@ -25,6 +25,9 @@ class Coding(StrEnum):
     IDENTITY = "identity"
 
 
+IDENTITY = Coding.IDENTITY  # a member of an enumeration takes as long to find as a header
+
+
 @lru_cache(maxsize=256)
 def choose_coding(accept_encoding: str | None) -> Coding:
     """The best coding of those that `Accept-Encoding` lists with a weight above zero; identity if there is none."""

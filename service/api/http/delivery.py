@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 from fastapi import Request, Response
 
 import service
-from service.api.http.compression import SMALLEST_BYTES, Coding, choose_coding, compressed
+from service.api.http.compression import IDENTITY, SMALLEST_BYTES, Coding, choose_coding, compressed
 from service.api.http.ranges import PARTIAL, Range, content_range
+from service.api.http.sent_headers import all_sent, first_sent
+from service.api.http.written import Written, content_type
 from service.pictures import report
 from service.twin import Loaded
+
+if TYPE_CHECKING:
+    from hashlib import _Hash
 
 # A version never changes, the service that computes with it may: a day is how long an upgrade can stay unseen.
 _FIXED = "max-age=86400, immutable"
@@ -55,9 +61,8 @@ class Delivery:
     @classmethod
     def of(cls, request: Request, media_type: str, *, text: bool, negotiated: bool = True) -> Delivery:
         """An answer that no cache keeps. `text` is worth compressing; `negotiated` by `Accept` as well."""
-        coding = choose_coding(request.headers.get("accept-encoding")) if text else Coding.IDENTITY
-        vary = ", ".join([*(["Accept"] if negotiated else []), "Accept-Encoding"])
-        return cls(media_type, coding, vary)
+        coding = choose_coding(first_sent(request.scope, b"accept-encoding")) if text else IDENTITY
+        return cls(media_type, coding, "Accept, Accept-Encoding" if negotiated else "Accept-Encoding")
 
     def cacheable(self, request: Request, loaded: Loaded, asked_for: str, question: bytes) -> Delivery:
         """The same for a GET whose answer follows from the version and the alias it was `asked_for` by, and `question`.
@@ -70,31 +75,40 @@ class Delivery:
 
     def tagged(self, request: Request, content: bytes, *, fixed: bool) -> Delivery:
         """The same for a GET whose answer follows from `content` alone; `fixed` if its address never has another."""
-        key = "\n".join([service.__version__, self.media_type, self.coding, ""]).encode()
-        tag = f'"{hashlib.sha256(key + content).hexdigest()[:32]}"'
-        cached = {"ETag": tag, "Cache-Control": _FIXED if fixed else _MOVING}
-        known = ",".join(request.headers.getlist("if-none-match"))
-        return replace(self, cached=cached, known=known, range=Range.of(request.headers))
+        digest = _begun(self.media_type, self.coding).copy()
+        digest.update(content)
+        cached = {"ETag": f'"{digest.hexdigest()[:32]}"', "Cache-Control": _FIXED if fixed else _MOVING}
+        known = ",".join(all_sent(request.scope, b"if-none-match"))
+        return Delivery(self.media_type, self.coding, self.vary, cached, known, Range.of(request.scope))
 
     def not_modified(self) -> Response | None:
         """The 304 for who has the answer already, else None."""
-        tags = {each.strip().removeprefix("W/") for each in self.known.split(",")}
-        if not self.known or ("*" not in tags and self.cached.get("ETag") not in tags):
+        if not self.known:
             return None
-        return Response(status_code=304, headers={**self.cached, "Vary": self.vary})
+        tags = {each.strip().removeprefix("W/") for each in self.known.split(",")}
+        if "*" not in tags and self.cached.get("ETag") not in tags:
+            return None
+        return Written(b"", {**self.cached, "Vary": self.vary}, status=304)
 
     def response(self, body: bytes, headers: Mapping[str, str] | None = None) -> Response:
         """The answer. Compresses: call it where that may take its time."""
-        policy = {"Content-Security-Policy": report.POLICY} if self.media_type == report.MEDIA_TYPE else {}
-        sent = {"Vary": self.vary, **self.cached, **policy, **(headers or {})}
-        if self.coding is not Coding.IDENTITY and len(body) >= SMALLEST_BYTES:
+        sent = {"Vary": self.vary, **self.cached, **(headers or {}), "Content-Type": content_type(self.media_type)}
+        if self.media_type == report.MEDIA_TYPE:
+            sent["Content-Security-Policy"] = report.POLICY
+        if self.coding is not IDENTITY and len(body) >= SMALLEST_BYTES:
             body = compressed(body, self.coding)
             sent["Content-Encoding"] = self.coding
         if not self.cached:
-            return Response(body, headers=sent, media_type=self.media_type)
+            return Written(body, sent)
         sent["Accept-Ranges"] = "bytes"
-        part = self.range.part(len(body), self.cached["ETag"])
+        part = self.range.part(len(body), self.cached["ETag"]) if self.range.wanted else None
         if part is None:
-            return Response(body, headers=sent, media_type=self.media_type)
+            return Written(body, sent)
         sent["Content-Range"] = content_range(part, len(body))
-        return Response(body[part], PARTIAL, headers=sent, media_type=self.media_type)
+        return Written(body[part], sent, status=PARTIAL)
+
+
+@lru_cache(maxsize=256)
+def _begun(media_type: str, coding: Coding) -> _Hash:
+    """A digest of what all answers of a form have in common."""
+    return hashlib.sha256("\n".join([service.__version__, media_type, coding, ""]).encode())

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
+
+from starlette.types import Scope
+
+from service.api.http.sent_headers import first_sent
 
 _ONE_RANGE = re.compile(r"bytes=(\d{0,18})-(\d{0,18})", re.ASCII)
 PARTIAL = 206
@@ -18,9 +21,10 @@ class Range:
     only_if: str = ""
 
     @classmethod
-    def of(cls, headers: Mapping[str, str]) -> Range:
+    def of(cls, scope: Scope) -> Range:
         """From the headers of a request."""
-        return cls(headers.get("range", ""), headers.get("if-range", ""))
+        wanted = first_sent(scope, b"range")
+        return NO_RANGE if wanted is None else cls(wanted, first_sent(scope, b"if-range") or "")
 
     def part(self, size: int, tag: str) -> slice | None:
         """Which of `size` bytes are wanted; None for all of them.
@@ -36,6 +40,9 @@ class Range:
             return slice(max(0, size - int(last)), size) if last and int(last) and size else None
         start, stop = int(first), min(int(last) + 1, size) if last else size
         return slice(start, stop) if start < stop else None
+
+
+NO_RANGE = Range()
 
 
 def content_range(part: slice, size: int) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import time
-import uuid
 from collections.abc import Callable, Sequence
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -13,8 +13,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from service.access.addresses import UNKNOWN, Network, client_address
 from service.api.http.errors import ErrorAnswers, own_path
 from service.api.http.instruments import Instruments
+from service.api.http.sent_headers import first_sent
 from service.api.http.templates import NO_ROUTE
-from service.log import REQUESTS, request_id
+from service.log import REQUESTS, RequestRecord, request_id
 
 CLIENT = "service.client"
 """Where in its scope a request has the address of the client."""
@@ -24,6 +25,7 @@ ANSWERED = "service.answered"
 
 REQUEST_ID = "X-Request-ID"
 _HEADER = REQUEST_ID.lower().encode()
+_ID_BYTES = 16
 _SAFE_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 # asked every few seconds, by machines
 QUIET = frozenset({"/health/live", "/health/ready", "/v2/health/live", "/v2/health/ready", "/metrics"})
@@ -127,7 +129,7 @@ def client_of(peer: tuple[str, int] | None, headers: Sequence[tuple[bytes, bytes
 
 def write_refusal(method: str, status: int, seconds: float, client: str) -> None:
     """The line of a request that was refused before there was one."""
-    _write(method, NO_ROUTE, status, seconds, uuid.uuid4().hex, client)
+    _write(method, NO_ROUTE, status, seconds, os.urandom(_ID_BYTES).hex(), client)
 
 
 def _write(method: str, route: str, status: int, seconds: float, name: str, client: str) -> None:
@@ -136,10 +138,9 @@ def _write(method: str, route: str, status: int, seconds: float, name: str, clie
         duration_ms = round(seconds * 1000, 2)
         said = {"method": method, "route": route, "status": status, "duration_ms": duration_ms}
         said |= {"client": client, "request_id": name}
-        # made by hand: `log` looks for the calling line first, which takes as long as all else here
-        _log.handle(logging.LogRecord(REQUESTS, level, __file__, 0, said, None, None))
+        _log.handle(RequestRecord(level, said))  # by hand: `log` would look for the calling line first
 
 
 def _id_of(scope: Scope) -> str:
-    sent = next((value for header, value in scope["headers"] if header == _HEADER), b"").decode("latin-1")
-    return sent if _SAFE_ID.fullmatch(sent) else uuid.uuid4().hex
+    sent = first_sent(scope, _HEADER) or ""
+    return sent if _SAFE_ID.fullmatch(sent) else os.urandom(_ID_BYTES).hex()

@@ -6,15 +6,16 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, Query, Request, Response
 
-from service.api.http.compression import Coding
+from service.api.http.compression import IDENTITY
 from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.http.lanes import LaneRoute
 from service.api.http.negotiation import choose
 from service.api.http.openapi import form_of, problem_responses
 from service.api.http.problems import Slug
+from service.api.http.sent_headers import first_sent
 from service.api.services import Services, TheServices
 from service.twin import Loaded
-from service.wire.forms import ENCODERS, MEDIA_TYPES, Format, written
+from service.wire.forms import ENCODERS, MEDIA_TYPES, Encoder, Format, written
 from service.wire.forms.placement import Placement
 from service.wire.prediction import (
     FormatQuery,
@@ -82,7 +83,7 @@ async def get_prediction(
     asked: Annotated[PredictionQuery, Query()], request: Request, services: TheServices
 ) -> Response:
     """Where the rover goes on this slope with this mass and torque, and whether the model knows such scenarios."""
-    form = choose(MEDIA_TYPES, asked.format, request.headers.get("accept"))
+    form = choose(MEDIA_TYPES, asked.format, first_sent(request.scope, b"accept"))
     return await _predict(asked, form, asked, request, services)
 
 
@@ -93,7 +94,7 @@ async def create_prediction(
     services: TheServices,
 ) -> Response:
     """The same as the GET, with the fields as one JSON object; `format` stays in the address."""
-    chosen = choose(MEDIA_TYPES, form.format, request.headers.get("accept"))
+    chosen = choose(MEDIA_TYPES, form.format, first_sent(request.scope, b"accept"))
     return await _predict(asked, chosen, form, request, services)
 
 
@@ -104,22 +105,23 @@ async def _predict(
     placement = stage.placement()
     require_few_points(asked, services.settings.max_points)
     loaded = await services.twin(asked.model)
-    delivery = Delivery.of(request, ENCODERS[form].media_type, text=ENCODERS[form].text)
+    encoder = ENCODERS[form]
+    delivery = Delivery.of(request, encoder.media_type, text=encoder.text)
     if request.method == "GET":
         delivery = delivery.cacheable(request, loaded, asked.model, asked.question() + placement.question())
         if nothing_new := delivery.not_modified():
             return nothing_new
-    if loaded.twin.model.quick and asked.points <= _points_at_once(form, delivery):
+    if loaded.twin.model.quick and asked.points <= _points_at_once(encoder, delivery):
         return _computed(asked, (form, placement), loaded, delivery, services)
     return await services.predictions.run(
         lambda: _computed(asked, (form, placement), loaded, delivery, services), asker=request
     )
 
 
-def _points_at_once(form: Format, delivery: Delivery) -> int:
+def _points_at_once(encoder: Encoder, delivery: Delivery) -> int:
     """How many points may be answered on the event loop: handing them to a thread would take longer."""
-    most = ENCODERS[form].points_at_once
-    return most if delivery.coding is Coding.IDENTITY else min(most, _COMPRESSED_AT_ONCE)
+    most = encoder.points_at_once
+    return most if delivery.coding is IDENTITY else min(most, _COMPRESSED_AT_ONCE)
 
 
 def _computed(

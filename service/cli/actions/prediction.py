@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from rich.console import Console
 
 from model_store import ModelStore
-from service.allowed import allowed_fields
+from service.allowed import Words
 from service.cli.failures import RefusedError, UsageError
 from service.cli.output import make_table
 from service.cli.threads import use_threads
@@ -23,7 +23,7 @@ from service.wire.prediction import ALLOWED, PredictionInputs, predict, require_
 from service.wire.stage_inputs import StageInputs
 
 _SHOWN_ROWS = 11
-_STAGE_WORDS = allowed_fields(StageInputs.model_json_schema())
+_STAGE_WORDS = Words.of(StageInputs)
 Inputs = TypeVar("Inputs", bound=BaseModel)
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 
 from service.cli import options
 from service.cli.actions.dataset_findings import tell_findings
@@ -19,6 +18,8 @@ from service.cli.store_access import open_store
 from service.cli.views.file_progress import file_progress
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from service.datasets import Finding
 
 app = typer.Typer(

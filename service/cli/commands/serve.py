@@ -59,8 +59,11 @@ def serve(
     All of a machine with four processors:
       rover-twin serve --workers 4
     """
-    from service.server import run_server
-    from service.settings import load_settings
+    from service.memory import uncollected
+
+    with uncollected():
+        from service.server import run_server
+        from service.settings import load_settings
 
     settings = load_settings(
         host=host,

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rich.console import RenderableType
-
 from service.cli.output import make_table, titled
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from service.learning.evaluate import RunEvaluation
 
 _ROWS = {

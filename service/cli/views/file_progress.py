@@ -7,9 +7,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
 from service.cli.output import SECONDS_BETWEEN_NOTES, note
 
 Report = Callable[[int, int, str], None]
@@ -21,6 +18,9 @@ def file_progress(verb: str) -> Iterator[Report]:
     if not sys.stderr.isatty():
         yield _lines(verb)
         return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     columns = (
         TextColumn("{task.description}"),
         BarColumn(bar_width=24),

@@ -39,6 +39,9 @@ class Class(IntEnum):
     SLIDES = 2
 
 
+_CLIMBS, _STALLS, _SLIDES = Class  # a member of an enumeration is slow to find
+
+
 def classes(late_speed_m_s: Array, end_m: Array) -> npt.NDArray[np.intp]:
     """By the mean speed over the last quarter (of a drive: of as much time in which its motors drove), (scenario,).
 
@@ -47,6 +50,21 @@ def classes(late_speed_m_s: Array, end_m: Array) -> npt.NDArray[np.intp]:
     goes_up = late_speed_m_s > LATE_SPEED_M_S
     slides = (late_speed_m_s < -LATE_SPEED_M_S) | (goes_up & (end_m < 0))
     return np.where(slides, Class.SLIDES, np.where(goes_up, Class.CLIMBS, Class.STALLS))
+
+
+def class_of(late_speed_m_s: float, end_m: float) -> Class:
+    """`classes` of one rover, in plain numbers."""
+    if late_speed_m_s < -LATE_SPEED_M_S or (late_speed_m_s > LATE_SPEED_M_S and end_m < 0):
+        return _SLIDES
+    return _CLIMBS if late_speed_m_s > LATE_SPEED_M_S else _STALLS
+
+
+def is_sure(found: Class, late_speed_m_s: float) -> bool:
+    """Whether an error, as often above zero as below, most probably leaves this class of a model's answer as it is.
+
+    Where the model stalls, or has slid and goes up again, only probabilities tell.
+    """
+    return found is not _STALLS and not (found is _SLIDES and late_speed_m_s > 0)
 
 
 def climbs(late_speed_m_s: float, end_m: float) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from ctypes import addressof
+from ctypes import addressof, c_double
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,12 +20,14 @@ from service.learning.drive.law import LaidOutLaw, Law
 from service.learning.drive.library import HEIGHTS, MOST_S, OUTPUTS, address, contiguous, library
 from service.learning.drive.state import SIZE, State
 from service.learning.drive.threads import in_parts
+from service.learning.drive.timetable import Account, Timetable
 from service.learning.drive.whole import Whole, WholesAsked
 from service.physics.scenario import Array
 
 SHORTEST_STEP_S = 1e-6
 _FEWEST_LANES = 3  # fewer scenarios are driven one by one
 _SLOPES_PER_RAD = 50.0  # slopes that count as alike
+_Numbers = c_double * len(Account._fields)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,6 +223,27 @@ class Engine:
 
         in_parts(driven, count)
         return outputs
+
+    def scenario(
+        self, release: int, table: Timetable, slope_rad: float, mass_kg: float, torque_nm: float
+    ) -> tuple[Array, Account]:
+        """One scenario of `constant` from rest: its columns (5, shown), as there, and what its way comes to.
+
+        Of numbers that are known to be right. `release` is the address of the compiled start speeds.
+        """
+        outputs, room, account = np.empty((5, table.shown)), np.empty((5, table.times)), _Numbers()
+        self._library.rover_scenario(
+            self._address,
+            release,
+            table.address,
+            slope_rad,
+            mass_kg,
+            torque_nm,
+            address(room),
+            address(outputs),
+            addressof(account),
+        )
+        return outputs, Account._make(account)
 
     def height_features(self, start: State, track: Track, controls: Controls, time_s: Array) -> Array:
         """What the height at times would be for each of `heights` alone being 1, (time, HEIGHTS): to fit these."""

@@ -137,6 +137,22 @@ class CompiledWholes(ctypes.Structure):
     ]
 
 
+class CompiledTimetable(ctypes.Structure):
+    """`rover_timetable`."""
+
+    _fields_: ClassVar[_Fields] = [
+        ("times", _INTEGER),
+        ("time_s", _POINTER),
+        ("shown", _INTEGER),
+        ("shown_places", _POINTER),
+        ("own", _INTEGER),
+        ("own_places", _POINTER),
+        ("late", _INTEGER),
+        ("looks", _INTEGER),
+        ("look_places", _POINTER),
+    ]
+
+
 # The engine's types by name, whose sizes are compared when it is loaded.
 MIRRORS: dict[str, type[ctypes.Structure]] = {
     "rover_parameters": Parameters,
@@ -148,6 +164,7 @@ MIRRORS: dict[str, type[ctypes.Structure]] = {
     "rover_run": CompiledRun,
     "rover_release": CompiledRelease,
     "rover_wholes": CompiledWholes,
+    "rover_timetable": CompiledTimetable,
 }
 
 # Everything but integers and numbers is the address of an array of float64 (offsets: int64), or of a struct.
@@ -165,6 +182,7 @@ _ARGUMENTS: dict[str, tuple[list[type], type | None]] = {
         [*[_POINTER, _INTEGER] * 4, _INTEGER, *[_POINTER] * 2],
         None,
     ),
+    "rover_scenario": ([*[_POINTER] * 3, *[_NUMBER] * 3, *[_POINTER] * 3], None),
     "rover_step": ([_POINTER, _INTEGER, *[_POINTER] * 4], None),
     "rover_sweep": ([_POINTER, _INTEGER, _INTEGER, _POINTER, _INTEGER, _POINTER, _POINTER, _INTEGER, _POINTER], None),
 }

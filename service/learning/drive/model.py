@@ -15,6 +15,7 @@ from service.learning.drive.library import HEIGHTS
 from service.learning.drive.recorded import controls_of, track_of
 from service.learning.drive.start import StartSpeeds, bump_count
 from service.learning.drive.state import State
+from service.learning.drive.timetable import Account, Timetable
 from service.learning.drive.whole import Whole
 from service.learning.observed import ObservedRun
 from service.learning.tensor_reader import TensorReader
@@ -76,6 +77,14 @@ class DriveModel:
         )
         x, speed, front, rear, y = columns
         return Motion(x, y, speed, rear, front), whole
+
+    def scenario(self, slope_rad: float, mass_kg: float, torque_nm: float, table: Timetable) -> tuple[Array, Account]:
+        """One scenario, as `motion` has it, in a fraction of its time, and what the whole way comes to.
+
+        Rows (5, time) at the times that the table shows: x, speed, front and rear wheel speed, y. Of numbers that a
+        scenario can have.
+        """
+        return self.engine.scenario(self.starts.address, table, slope_rad, mass_kg, torque_nm)
 
     def _constant(self, scenarios: Scenarios, time_s: Array, offset: Array | float) -> tuple[Array, ...]:
         return self.engine.constant(

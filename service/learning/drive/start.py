@@ -29,10 +29,12 @@ class StartSpeeds:
     slope_rad: tuple[float, float]
     mass_kg: tuple[float, float]
     _compiled: CompiledRelease = field(init=False, repr=False)
+    _address: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "weights", contiguous(self.weights))
         object.__setattr__(self, "_compiled", self._laid_out())
+        object.__setattr__(self, "_address", ctypes.addressof(self._compiled))
 
     @classmethod
     def of(cls, runs: Sequence[ObservedRun]) -> StartSpeeds:
@@ -58,6 +60,11 @@ class StartSpeeds:
     def compiled(self) -> CompiledRelease:
         """As the engine has it, as long as this is kept."""
         return self._compiled
+
+    @property
+    def address(self) -> int:
+        """Where the engine finds `compiled`."""
+        return self._address
 
     def _laid_out(self) -> CompiledRelease:
         return CompiledRelease(

@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import ConfigDict, Field, ValidationError, create_model
 from pydantic.fields import FieldInfo
 
-from service.allowed import allowed_fields
+from service.allowed import Words
 from service.errors import InvalidValueError
 from service.physics.scenario import Array
 from service.twin.drives import DriveQuestion, Wanted
@@ -27,10 +27,10 @@ MOST_SECONDS = 24_000.0
 
 _OF_DRIVE, _SHARED = tuple(OneDrive.model_fields), tuple(DriveSampling.model_fields)
 _DRIVES = f"a list of 1 to {MOST_DRIVES} drives"
-DRIVE_BATCH_WORDS = WORDS | {"drives": _DRIVES}
+DRIVE_BATCH_WORDS = Words(lambda: {**WORDS, "drives": _DRIVES})
 """What each field of a batch allows."""
 
-_DRIVE_WORDS = allowed_fields(OneDrive.model_json_schema())
+_DRIVE_WORDS = Words.of(OneDrive)
 
 
 class _Drive(OneDrive):

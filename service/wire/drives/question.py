@@ -11,7 +11,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, FailFast, Field
 from pydantic.config import JsonDict
 from pydantic.json_schema import SkipJsonSchema
 
-from service.allowed import allowed_fields
+from service.allowed import Words
 from service.errors import InvalidValueError
 from service.physics.scenario import Array
 from service.settings import LIMITS
@@ -359,5 +359,5 @@ def _require_few(field: str, values: Sequence[object]) -> None:
         raise InvalidValueError(field, f"{len(values)} values", f"{_KNOTS} values")
 
 
-WORDS = allowed_fields(DriveBody.model_json_schema())
+WORDS = Words.of(DriveBody)
 """What each field of a drive accepts, in words."""

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.json_schema import SkipJsonSchema
 
-from service.allowed import allowed_fields
+from service.allowed import Words
 from service.physics.scenario import Array
 from service.settings import LIMITS, Settings
 from service.wire.faults import InputFault, InvalidInputError, fault, faults_of, missing, strangers_in, unknown_field
@@ -164,7 +164,7 @@ class _Shared(BaseModel):
     remove: Annotated[list[str], Field(max_length=MAX_ROVERS)] = []
 
 
-ROVER_WORDS: Mapping[str, str] = allowed_fields(RoverStep.model_json_schema())
+ROVER_WORDS = Words.of(RoverStep)
 """What each field of a rover allows."""
 ROVER_RANGES: Mapping[str, tuple[float, float]] = {
     "slope_deg": (-LIMITS.slope_deg, LIMITS.slope_deg),
@@ -174,13 +174,15 @@ ROVER_RANGES: Mapping[str, tuple[float, float]] = {
     "start_speed_m_s": (-MOST_START_SPEED_M_S, MOST_START_SPEED_M_S),
 }
 """Lowest and highest of each number of a rover and its start."""
-STEPS_WORDS: Mapping[str, str] = {
-    **ROVER_WORDS,
-    "model": allowed_fields(StepsBody.model_json_schema())["model"],
-    "include": "a list with the word state",
-    "remove": f"a list of at most {MAX_ROVERS} ids",
-    "rovers": f"a list of 1 to {MAX_ROVERS} rovers",
-}
+STEPS_WORDS = Words(
+    lambda: {
+        **ROVER_WORDS,
+        "model": Words.of(StepsBody)["model"],
+        "include": "a list with the word state",
+        "remove": f"a list of at most {MAX_ROVERS} ids",
+        "rovers": f"a list of 1 to {MAX_ROVERS} rovers",
+    }
+)
 """The same of a whole message."""
 
 

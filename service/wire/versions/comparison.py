@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from model_store import CorruptArtefactError, Manifest, ModelStore, NotFoundError, UnsupportedFormatError
-from service.allowed import allowed_fields
+from service.allowed import Words
 from service.learning.domain import FIELDS
 from service.settings import LIMITS
 from service.training.evidence import read_evidence
@@ -79,7 +79,7 @@ class ComparisonQuery(ComparisonInputs):
     format: Annotated[PictureFormat | SkipJsonSchema[None], FORMAT] = None
 
 
-ALLOWED = allowed_fields(ComparisonQuery.model_json_schema())
+ALLOWED = Words.of(ComparisonQuery)
 
 
 class PairAnswer(BaseModel):

@@ -24,6 +24,7 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 from uvicorn.server import ServerState
 
+from service.api.http.connections.cycle import Cycle
 from service.api.http.connections.turns import Turns
 from service.api.http.exceptions import HeadTooLargeError, HeadTooSlowError, MalformedHeadError
 from service.api.http.limits.worker_threads import OverloadedError
@@ -138,7 +139,8 @@ class GuardedProtocol(HttpToolsProtocol):
         self._all = connections
         self._limits = connections.limits
         self._in_head = True
-        self._head_bytes = self._head_fields = 0
+        self._head_bytes = self._head_fields = self._field_bytes = 0
+        self._has_host = False
         self._refused: Exception | None = None
         self._lingering = False
         self._admitted = True
@@ -184,7 +186,7 @@ class GuardedProtocol(HttpToolsProtocol):
     def on_message_begin(self) -> None:
         """Of a request."""
         super().on_message_begin()
-        self._in_head, self._head_fields = True, 0
+        self._in_head, self._head_fields, self._field_bytes, self._has_host = True, 0, 0, False
 
     def on_header(self, name: bytes, value: bytes) -> None:
         """Raises HeadTooLargeError, upon which the parser gives up."""
@@ -192,16 +194,17 @@ class GuardedProtocol(HttpToolsProtocol):
         if self._head_fields > self._limits.head_fields:
             self._refused = HeadTooLargeError(self._limits.head_bytes, self._limits.head_fields)
             raise self._refused
+        self._field_bytes += len(name) + len(value) + 4
         super().on_header(name, value)
+        self._has_host = self._has_host or self.headers[-1][0] == b"host"
 
     def on_headers_complete(self) -> None:
         """Raises HeadTooLargeError, upon which the parser gives up."""
-        size = len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers)
-        if size > self._limits.head_bytes:
+        if len(self.url) + self._field_bytes > self._limits.head_bytes:
             self._refused = HeadTooLargeError(self._limits.head_bytes, self._limits.head_fields)
             raise self._refused
         self._in_head, self._head_bytes = False, 0
-        if self.parser.get_http_version() == "1.1" and not any(name == b"host" for name, _ in self.headers):
+        if not self._has_host and self.parser.get_http_version() == "1.1":
             self._refused = MalformedHeadError("the request has no Host header")  # RFC 9112, 3.2
             raise self._refused
         if not self._admitted and self.url.partition(b"?")[0].decode("latin-1") not in HEALTH_PATHS:
@@ -213,6 +216,7 @@ class GuardedProtocol(HttpToolsProtocol):
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: ASGI3Application) -> None:
         """What uvicorn calls to begin a request."""
+        cycle.__class__ = Cycle  # uvicorn makes its own, wherever it does; ours has nothing more and writes in one go
         if cycle.scope["path"].removeprefix(self.root_path) in HEALTH_PATHS:
             super()._start_asgi_task(cycle, app)
         else:

@@ -160,6 +160,20 @@ typedef struct {
     double *numbers;
 } rover_wholes;
 
+/* When one scenario is looked at: all times, rising, and which of them are shown, which the whole way is told by (evenly
+ * spaced, from 0 to the horizon; `late` is the number of the one where the last part begins) and which are looks. */
+typedef struct {
+    int64_t times;
+    const double *time_s;
+    int64_t shown;
+    const int64_t *shown_places;
+    int64_t own;
+    const int64_t *own_places;
+    int64_t late;
+    int64_t looks;
+    const int64_t *look_places;
+} rover_timetable;
+
 int64_t rover_interface(void);
 int64_t rover_state_format(void);
 /* The bytes of a type above, by its name; 0 if there is none of that name. Of every one library.py has a mirror. */
@@ -197,6 +211,18 @@ void rover_constant(const rover_law *law, int64_t count, const double *scenarios
 void rover_side_by_side(const rover_law *law, int64_t some, const int64_t *order, int64_t count, const double *scenarios,
                         int64_t times, const double *time_s, int64_t stride, int64_t columns, double *outputs,
                         const rover_wholes *wholes);
+
+/* What the way of one scenario comes to: x (m) at its start, where its last part begins and at its end, height there,
+ * length of the path (m), mean wheel speed (rad/s), x at the first two looks; 1 if all that is shown is finite, else 0. */
+enum {
+    ROVER_START_X, ROVER_LATE_X, ROVER_END_X, ROVER_END_HEIGHT, ROVER_PATH, ROVER_WHEELS, ROVER_SEEN, ROVER_SEEN_LATER,
+    ROVER_FINITE, ROVER_ACCOUNT
+};
+
+/* One scenario from rest, as `rover_constant` has it with the start speed of `rover_release_speeds`: outputs (5, shown)
+ * and the account. `room` is for (5, times) numbers. */
+void rover_scenario(const rover_law *law, const rover_release *release, const rover_timetable *table, double slope_rad,
+                    double mass_kg, double torque_nm, double *room, double *outputs, double *account);
 
 /* Advances rovers, each by its own duration: inputs are slope (rad; not looked at where there is a track), torque,
  * brake and duration, (4, count). Outputs are (ROVER_OUTPUTS, count). */

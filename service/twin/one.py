@@ -1,0 +1,112 @@
+"""One scenario by a model that answers it in one call: nothing is made that is not part of the answer.
+
+`predict` of a twin is told that, and `predict_many` the same of many; the laws in tests/twin hold both to each other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from service.learning.doubt.outcomes import class_of, is_sure
+from service.learning.drive.timetable import Account, Timetable
+from service.physics.frames import slope_to_world
+from service.physics.parameters import RoverParameters
+from service.physics.scenario import Array
+from service.physics.wheel_speed import slip_ratio
+from service.twin.prediction import Frame
+from service.twin.summary import LAST_PART, NAMED, Outcome, Summary, late_place, own_times
+
+_SLOPE = Frame.SLOPE  # to find a member of an enumeration takes as long as an array operation
+_TABLES_KEPT = 16  # at 20,001 points half a megabyte each
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Asked:
+    """At which times and for which parts of an answer; as `Twin.predict` takes them."""
+
+    time_s: Array
+    frame: Frame
+    band_level: float | None
+    prior: bool
+    speed: bool
+    wheel_speed: bool
+
+
+@runtime_checkable
+class AnswersAtOnce(Protocol):
+    """A model that answers one scenario in one call: `DriveModel.scenario`."""
+
+    def scenario(self, slope_rad: float, mass_kg: float, torque_nm: float, table: Timetable) -> tuple[Array, Account]:
+        """Rows (5, time) at the times shown: x, speed, front and rear wheel speed, y; what the way comes to."""
+        ...
+
+
+class _Same:
+    """An array that nobody changes, as a key: equal to itself alone."""
+
+    __slots__ = ("array",)
+
+    def __init__(self, array: Array) -> None:
+        self.array = array
+
+    def __hash__(self) -> int:
+        return id(self.array)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.array is self.array
+
+
+def table_of(time_s: Array, looks_s: tuple[float, ...]) -> Timetable:
+    """When a scenario with these rising times, the last of them its horizon, is looked at. Raises ValueError.
+
+    Kept while the same read-only times are asked for, which is what `sample_times` returns.
+    """
+    return _table(time_s, looks_s) if time_s.flags.writeable else _kept_table(_Same(time_s), looks_s)
+
+
+@lru_cache(maxsize=_TABLES_KEPT)
+def _kept_table(time_s: _Same, looks_s: tuple[float, ...]) -> Timetable:
+    return _table(time_s.array, looks_s)
+
+
+def _table(time_s: Array, looks_s: tuple[float, ...]) -> Timetable:
+    own = own_times(time_s[-1:], quick=True)
+    return Timetable(time_s, own, np.array(looks_s, dtype=np.float64), late_place(len(own)))
+
+
+def summary_of(
+    account: Account, horizon_s: float, rover: RoverParameters, likeliest: Callable[[float, float], Outcome] | None
+) -> Summary:
+    """What a way comes to. `likeliest` is asked, with late speed and end, where an error may change the outcome."""
+    end = account.end_x_m - account.start_x_m
+    late_speed, mean_speed = (account.end_x_m - account.late_x_m) / (LAST_PART * horizon_s), end / horizon_s
+    found = class_of(late_speed, end)
+    outcome = NAMED[found.value] if likeliest is None or is_sure(found, late_speed) else likeliest(late_speed, end)
+    slip = slip_ratio(rover, mean_speed, account.wheels_rad_s)
+    return Summary(outcome, account.end_x_m, account.end_height_m, account.path_m, mean_speed, slip)
+
+
+def is_finite(account: Account) -> bool:
+    """Whether all that is shown, and what the way comes to, is finite."""
+    return account.finite == 1.0 and math.isfinite(account.path_m) and math.isfinite(account.end_x_m)
+
+
+def trajectory_of(rows: Array, asked: Asked, slope_rad: float) -> dict[str, Array]:
+    """The columns of an answer, (time,) each, from the model's rows."""
+    along, speed, front, rear, normal = rows
+    if asked.frame is _SLOPE:
+        columns = {"time_s": asked.time_s, "x_m": along, "y_m": normal}
+    else:
+        across, up = slope_to_world(along, normal, slope_rad)
+        columns = {"time_s": asked.time_s, "x_m": across, "z_m": up}
+    if asked.speed:
+        columns["speed_m_s"] = speed
+    if asked.wheel_speed:
+        columns |= {"rear_wheel_speed_rad_s": rear, "front_wheel_speed_rad_s": front}
+    return columns
