@@ -11,8 +11,7 @@ import numpy.typing as npt
 from service.twin import Loaded
 from service.twin.drives import Drive, DriveDomain
 from service.wire.drives.side import side_of
-from service.wire.forms.numbers import times_text
-from service.wire.forms.subject import Picture, Stage, headers_of, model_of, unit_of
+from service.wire.forms.subject import Picture, Stage, headers_of, model_of, texts_of, unit_of
 
 _LABELS = {
     "slope": "x, m\nalong the track",
@@ -61,10 +60,10 @@ class DriveSubject:
             "model": model_of(self.loaded),
             "drive": self.echo(),
             "frame": drive.frame,
-            "trajectory": drive.trajectory | {"time_s": times_text(drive.trajectory["time_s"])},
+            "trajectory": texts_of(drive.trajectory),
         }
         if drive.band is not None:
-            answer["band"] = {"level": drive.band.level, **drive.band.columns()}
+            answer["band"] = {"level": drive.band.level, **texts_of(drive.band.columns())}
         return answer | self._rest()
 
     def _rest(self) -> dict[str, Any]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from service.twin import NonFiniteError
 from service.wire.forms.numbers import dump_finite, require_finite, require_finite_columns
 from service.wire.forms.subject import Writable
 
 
 def encode_json(subject: Writable) -> bytes:
     """The whole answer, UTF-8. Raises NonFiniteError."""
-    require_finite_columns(subject.columns(), "answer")
     require_finite(subject.scalars(), "answer")
-    return dump_finite(subject.answer())
+    try:
+        return dump_finite(subject.answer())
+    except NonFiniteError:
+        require_finite_columns(subject.columns(), "answer")  # which says where
+        raise

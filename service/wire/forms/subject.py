@@ -9,12 +9,13 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
+import orjson
 
 from service.learning.domain import DomainVerdict
 from service.physics.frames import slope_to_world
 from service.physics.scenario import Array
 from service.twin import Frame, Loaded, Prediction
-from service.wire.forms.numbers import times_text
+from service.wire.forms.numbers import column_text
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,12 +133,12 @@ class Subject:
             "model": model_of(self.loaded),
             "scenario": prediction.scenario,
             "frame": prediction.frame,
-            "trajectory": prediction.trajectory | {"time_s": times_text(prediction.trajectory["time_s"])},
+            "trajectory": texts_of(prediction.trajectory),
         }
         if prediction.prior is not None:
-            answer["prior"] = {"name": prediction.prior_name, **prediction.prior}
+            answer["prior"] = {"name": prediction.prior_name, **texts_of(prediction.prior)}
         if prediction.band is not None:
-            answer["band"] = {"level": prediction.band.level, **prediction.band.columns()}
+            answer["band"] = {"level": prediction.band.level, **texts_of(prediction.band.columns())}
         answer["domain"] = domain_document(prediction.domain)
         answer["summary"] = prediction.summary
         return answer
@@ -204,6 +205,11 @@ class Subject:
         if prediction.band is not None:
             about["band"] = {"level": prediction.band.level}
         return about
+
+
+def texts_of(columns: Mapping[str, npt.NDArray[Any]]) -> dict[str, orjson.Fragment]:
+    """Columns (time,) as the JSON answer has them."""
+    return {name: column_text(name, values) for name, values in columns.items()}
 
 
 def model_of(loaded: Loaded) -> dict[str, Any]:
