@@ -217,7 +217,7 @@ def _tell(column: Rounded | Texts, at: _Column, rows: int) -> object:
         if column.count != rows:
             raise ValueError(f"a column of {column.count} texts is not one of {rows} rows")
         text = column.text + _READ_BEHIND
-        at.text = ctypes.cast(text, _POINTER)
+        at.text = ctypes.cast(ctypes.c_char_p(text), _POINTER)
         return text
     flat = _contiguous(column.values)
     if flat.shape != (rows,) or not 0 <= column.decimals <= MOST_DECIMALS:
@@ -245,7 +245,7 @@ def _contiguous(array: Array) -> Array:
 def _address(array: npt.NDArray[Any]) -> int:
     """Where a contiguous array lies, which must be kept as long as that is used."""
     if array.flags.writeable and array.size:
-        return ctypes.addressof(_Byte.from_buffer(array))  # three times as fast
+        return ctypes.addressof(_Byte.from_buffer(array.data))  # three times as fast
     return int(array.ctypes.data)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from service.wire.batch_forms.subject import BatchWritable
-from service.wire.forms.numbers import column_text, columns_text, dump_finite, require_finite
+from service.wire.forms.numbers import column_text, columns_text, dump_finite, require_finite, require_finite_tables
 
 
 def encode_batch_json(subject: BatchWritable) -> bytes:
@@ -14,9 +14,10 @@ def encode_batch_json(subject: BatchWritable) -> bytes:
     `time_s` is one list where all scenarios share it, else a list of lists. Raises NonFiniteError.
     """
     counts, time, about = subject.counts(), subject.time_s(), subject.about()
-    beside = {**subject.tables(), **subject.extras()}
-    require_finite([beside, about], "answer")
-    answer: dict[str, Any] = {"model": about["model"], "frame": about["frame"], **beside}
+    tables, extras = subject.tables(), subject.extras()
+    require_finite_tables(tables, "answer")
+    require_finite([extras, about], "answer")
+    answer: dict[str, Any] = {"model": about["model"], "frame": about["frame"], **tables, **extras}
     for group, columns in subject.groups().items():
         texts = {name: columns_text(name, each, counts) for name, each in columns.items()}
         answer[group] = {**about.get(group, {}), **texts}

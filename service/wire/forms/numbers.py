@@ -8,7 +8,7 @@ back as the same float64.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -57,12 +57,21 @@ def column_text(name: str, values: npt.NDArray[Any]) -> orjson.Fragment:
 
 def columns_text(name: str, values: npt.NDArray[Any], counts: npt.NDArray[np.intp]) -> orjson.Fragment:
     """A column (row, time) as a JSON list of lists: of each row its first `counts`, (row,). Raises NonFiniteError."""
+    return orjson.Fragment(_lists(name, values, counts))
+
+
+def row_texts(name: str, values: npt.NDArray[Any], counts: npt.NDArray[np.intp]) -> list[orjson.Fragment]:
+    """The same, each row for itself."""
+    rows = _lists(name, values, counts)[2:-2].split(b"],[") if len(values) else []
+    return [orjson.Fragment(b"[%b]" % row) for row in rows]
+
+
+def _lists(name: str, values: npt.NDArray[Any], counts: npt.NDArray[np.intp]) -> bytes:
     whole = (counts == values.shape[1]).all()
     if _is_decimal(name, values):
-        return orjson.Fragment(lists_text(values, DECIMALS, None if whole else counts))
+        return lists_text(values, DECIMALS, None if whole else counts)
     rows = np.ascontiguousarray(values)
-    own = rows if whole else [row[:count] for row, count in zip(rows, counts.tolist(), strict=True)]
-    return orjson.Fragment(dump(own))
+    return dump(rows if whole else [row[:count] for row, count in zip(rows, counts.tolist(), strict=True)])
 
 
 def table_column(name: str, values: npt.NDArray[Any], *, point: bool = True) -> Rounded | Texts:
@@ -115,6 +124,18 @@ def require_finite_columns(columns: Mapping[str, Array], where: str) -> None:
     for name, values in columns.items():
         if not np.isfinite(values).all():
             raise NonFiniteError(f"{where}.{name} is not finite: the answer was not sent")
+
+
+def require_finite_tables(tables: Mapping[str, Mapping[str, Any]], where: str) -> None:
+    """The same for groups of columns that are arrays, or lists with an entry for each row."""
+    for group, columns in tables.items():
+        require_finite_columns({name: _numbers_in(column) for name, column in columns.items()}, f"{where}.{group}")
+
+
+def _numbers_in(column: npt.NDArray[Any] | Sequence[Any]) -> npt.NDArray[Any]:
+    if isinstance(column, np.ndarray):
+        return column
+    return np.array([each for each in column if type(each) is float], dtype=np.float64)
 
 
 def _place_of_fault(value: object) -> str | None:

@@ -54,7 +54,7 @@ ALWAYS double missed(double value, double scale, double product)
 /* Below this a float64 has decimals; what is added to `magic` loses them, and the sum has the whole number in its low
 bits. */
 static const double most = 2251799813685248.0 /* 2^51 */, magic = 6755399441055744.0 /* 1.5 * 2^52 */;
-static const int64_t magic_bits = 0x4338000000000000;
+static const uint64_t magic_bits = 0x4338000000000000;
 
 /* The values times the scale as whole numbers, rounded. What it says is 0 where one of them may be wrong: where the
 product is as near to two of them, or too large. */
@@ -63,9 +63,9 @@ ALWAYS int rounded(const double *values, int64_t count, double scale, int64_t *t
     int64_t odd = 0;
     for (int64_t i = 0; i < count; i++) {
         double product = values[i] * scale, near = product + magic, rest = product - (near - magic);
-        int64_t bits;
+        uint64_t bits;
         memcpy(&bits, &near, 8);
-        to[i] = bits - magic_bits;
+        to[i] = (int64_t)(bits - magic_bits); /* of what is too large anything */
         odd |= !(__builtin_fabs(product) < most) | !(__builtin_fabs(rest) < 0.5);
     }
     return !odd;
