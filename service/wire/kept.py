@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar
 import numpy.typing as npt
 
 _Found = TypeVar("_Found")
-_MOST = 16
+_MOST, _MOST_TIMES = 8, 20_001  # no more of either: a grid and its texts are half a megabyte
 _Array = npt.NDArray[Any]
 
 
@@ -28,7 +28,7 @@ class Kept(Generic[_Found]):
         if known is not None:  # and the array too, so that no other one has its place
             return known[1]
         found = self._find(array)
-        if not array.flags.writeable and array.base is None:
+        if array.size <= _MOST_TIMES and not array.flags.writeable and array.base is None:
             with self._lock:
                 while len(self._found) >= _MOST:
                     del self._found[next(iter(self._found))]
