@@ -35,7 +35,7 @@ types: $(VENV)/.dev ## mypy, strict
 	@$(BIN)/mypy --strict clients/python
 	@$(BIN)/mypy --strict clients/omniverse
 
-sanitize: $(VENV)/.dev ## tests of engine and FMUs under AddressSanitizer and UndefinedBehaviorSanitizer (where gcc has them)
+sanitize: $(VENV)/.dev ## tests of engine, FMUs and numbers under AddressSanitizer and UndefinedBehaviorSanitizer (where gcc has them)
 	@PYTEST=$(BIN)/pytest sh tests/learning/drive/sanitize $(ARGS)
 
 bench: $(VENV)/.dev ## how fast, beside its floors (some minutes); writes docs/performance.md
@@ -77,7 +77,7 @@ $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "Rover Twin needs Python 3.11 or newer: install python3 and python3-venv"; exit 1; }
 	@PYTHON="$(PYTHON)" VENV="$(VENV)" sh .ci/make-venv
 
-$(VENV)/.runtime: $(BIN)/python pyproject.toml constraints.txt hatch_build.py $(wildcard service/learning/drive/native/*.[ch] service/fmu/native/*.[ch])
+$(VENV)/.runtime: $(BIN)/python pyproject.toml constraints.txt hatch_build.py $(wildcard service/learning/drive/native/*.[ch] service/fmu/native/*.[ch] service/wire/native/*.[ch])
 	@echo "installing Rover Twin into $(VENV) (some minutes)"
 	@$(PIP) --editable .
 	@touch $@

@@ -1,5 +1,5 @@
 """Compiles the engine (`service/learning/drive/native`) and, with it inside, the libraries of exported FMUs
-(`service/fmu/native`) when the package is built or installed.
+(`service/fmu/native`), and the writer of numbers (`service/wire/native`), when the package is built or installed.
 
 The compiler comes from PyPI (`ziglang`, pinned in pyproject.toml): no machine needs its own, and all have the same. It
 compiles for other machines too, so that an FMU runs on them.
@@ -22,6 +22,7 @@ from packaging.tags import platform_tags
 
 ENGINE, FMU = Path("service/learning/drive/native"), Path("service/fmu/native")
 MANY = ENGINE / "lanes.c"  # drives many rovers at once, of which an FMU has one
+DIGITS = Path("service/wire/native")
 GLIBC = (2, 17)  # the oldest that binaries run with; PyTorch's need a newer one
 # For any processor of its kind: what gains from newer ones is chosen when it runs, see engine.h. Without
 # fused operations all of them round alike.
@@ -85,7 +86,8 @@ class CompileEngine(BuildHookInterface):
             return
         target, tag = _platform()
         root = Path(self.root)
-        libraries = (Library(ENGINE / "librover.so", (ENGINE,), target), *LIBRARIES)
+        engine, digits = ENGINE / "librover.so", DIGITS / "libdigits.so"
+        libraries = (Library(engine, (ENGINE,), target), Library(digits, (DIGITS,), target), *LIBRARIES)
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{tag}"
         if version == "editable":

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-NATIVE = ("service/learning/drive/native", "service/fmu/native")
+NATIVE = ("service/learning/drive/native", "service/fmu/native", "service/wire/native")
 LIBRARIES = (".so", ".dll", ".dylib")
 DPKG = Path("/var/lib/dpkg/status")
 

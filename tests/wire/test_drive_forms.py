@@ -20,6 +20,7 @@ from service.wire.drives.subject import DriveSubject
 from service.wire.forms import ENCODERS, Format
 from service.wire.forms.plot import figure_of
 from tests.api.readings import DATA_FORMS, about_in, columns_in, stage_of
+from tests.digits import TEXT_FORMS, in_text
 from tests.twin.drives.made import champion
 
 QUESTION = DriveQuestion(
@@ -42,6 +43,7 @@ def test_every_data_form_has_every_column(form, frame):
     subject = subject_of(frame, band=frame is Frame.SLOPE)
     body = ENCODERS[Format(form)].encode(subject)
     expected, columns = subject.columns(), columns_in(form, body)
+    expected = in_text(expected) if form in TEXT_FORMS else expected
 
     assert set(columns) == set(expected)
     for name, column in expected.items():

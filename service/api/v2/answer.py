@@ -18,7 +18,7 @@ from service.api.v2.wire import Parameters, request_of, response_of, split, unpa
 from service.twin import Count, Loaded, PredictionBatch
 
 # What is answered in about half a millisecond: handing it to a thread would take longer.
-_SCENARIOS_AT_ONCE, _TEXT_AT_ONCE, _BINARY_AT_ONCE = 4, 4_000, 25_000
+_SCENARIOS_AT_ONCE, _TEXT_AT_ONCE, _BINARY_AT_ONCE = 4, 20_000, 25_000
 
 
 class AnsweredOutput(BaseModel):

@@ -17,7 +17,7 @@ from service.api.http.exceptions import BodyTooLargeError, UnsupportedMediaTypeE
 from service.api.http.reading import parsed
 from service.api.v2.signature import Values
 from service.wire.faults import MAX_FAULTS, InputFault, InvalidInputError, fault
-from service.wire.forms.numbers import dump
+from service.wire.forms.numbers import column_text, dump
 
 HEADER_LENGTH = "Inference-Header-Content-Length"
 _GZIP_OR_ZLIB = 32 + zlib.MAX_WBITS  # zlib tells the two apart by their first bytes
@@ -162,12 +162,22 @@ def response_of(document: Mapping[str, Any], outputs: Sequence[tuple[dict[str, A
             tail.append(content)
             described.append(output | {"parameters": {"binary_data_size": size}})
         else:
-            described.append(output | {"data": values if isinstance(values, list) else _row_major(values).ravel()})
+            described.append(output | {"data": _in_text(output["name"], values)})
     head = dump({**document, "outputs": described})
     if not tail:
         return Response(head, media_type="application/json")
     headers = {HEADER_LENGTH: str(len(head))}
     return Response(b"".join([head, *tail]), headers=headers, media_type="application/octet-stream")
+
+
+def _in_text(name: str, values: Values) -> object:
+    """Columns over time have the digits that every text has."""
+    if isinstance(values, list):
+        return values
+    flat = _row_major(values).ravel()
+    if values.ndim < 2:
+        return flat
+    return column_text(name, flat)
 
 
 def _binary(values: Values) -> tuple[bytes | memoryview, int]:

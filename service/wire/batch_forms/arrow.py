@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from service.wire.batch_forms.subject import BatchWritable
 from service.wire.forms.arrow import stream_of
-from service.wire.forms.numbers import dump, require_finite
+from service.wire.forms.numbers import dump, dump_finite, require_finite_columns, require_finite_tables
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -30,16 +30,18 @@ def long_batch_of(subject: BatchWritable) -> pa.RecordBatch:
     import pyarrow as pa  # noqa: PLC0415 - half a second that only those pay who ask for Arrow
 
     about, counts = subject.about(), subject.counts()
-    long = _long(subject)
-    require_finite(long, "answer")
+    long, tables = _long(subject), subject.tables()
+    require_finite_columns(long, "answer")
+    require_finite_tables(tables, "answer")
     index = np.repeat(subject.indices.astype(np.int32), counts)
     units = about["units"]
     arrays = [pa.array(values) for values in (index, *long.values())]
     fields = [pa.field(subject.index_name, pa.int32(), nullable=False)]
     for name, each in zip(long, arrays[1:], strict=True):
         fields.append(pa.field(name, each.type, nullable=False, metadata={"unit": units[name]}))
-    told = about | subject.tables() | subject.extras()
-    metadata = {name: part if isinstance(part, str) else dump(part) for name, part in told.items()}
+    metadata = {name: part if isinstance(part, str) else dump(part) for name, part in about.items()}
+    metadata |= {name: dump_finite(table) for name, table in tables.items()}
+    metadata |= {name: dump(part) for name, part in subject.extras().items()}
     return pa.record_batch(arrays, pa.schema(fields, metadata))
 
 

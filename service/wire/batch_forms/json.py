@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from service.wire.batch_forms.subject import BatchWritable
-from service.wire.forms.numbers import dump
+from service.wire.forms.numbers import column_text, columns_text, dump_finite, require_finite, require_finite_tables
 
 
 def encode_batch_json(subject: BatchWritable) -> bytes:
@@ -18,17 +14,13 @@ def encode_batch_json(subject: BatchWritable) -> bytes:
     `time_s` is one list where all scenarios share it, else a list of lists. Raises NonFiniteError.
     """
     counts, time, about = subject.counts(), subject.time_s(), subject.about()
-    answer: dict[str, Any] = {"model": about["model"], "frame": about["frame"], **subject.tables(), **subject.extras()}
+    tables, extras = subject.tables(), subject.extras()
+    require_finite_tables(tables, "answer")
+    require_finite([extras, about], "answer")
+    answer: dict[str, Any] = {"model": about["model"], "frame": about["frame"], **tables, **extras}
     for group, columns in subject.groups().items():
-        answer[group] = {**about.get(group, {}), **{name: _rows(each, counts) for name, each in columns.items()}}
-    shared = time if time.ndim == 1 else _rows(time, counts)
+        texts = {name: columns_text(name, each, counts) for name, each in columns.items()}
+        answer[group] = {**about.get(group, {}), **texts}
+    shared = column_text("time_s", time) if time.ndim == 1 else columns_text("time_s", time, counts)
     answer["trajectory"] = {"time_s": shared, **answer["trajectory"]}
-    return dump(answer | {"errors": about["errors"]})
-
-
-def _rows(column: npt.NDArray[Any], counts: npt.NDArray[np.intp]) -> npt.NDArray[Any] | Sequence[npt.NDArray[Any]]:
-    """Each row without what only fills it up."""
-    whole = np.ascontiguousarray(column)
-    if (counts == column.shape[1]).all():
-        return whole
-    return [row[:count] for row, count in zip(whole, counts.tolist(), strict=True)]
+    return dump_finite(answer | {"errors": about["errors"]})

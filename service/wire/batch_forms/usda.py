@@ -6,7 +6,7 @@ import numpy as np
 
 from service.wire.batch_forms.subject import BatchWritable
 from service.wire.forms.placement import PLAIN, Placement, fleet_paths
-from service.wire.forms.usda import Layer, rover, time_codes
+from service.wire.forms.usda import Layer, Samples, rover, time_codes
 
 
 def encode_batch_usda(subject: BatchWritable, placement: Placement = PLAIN) -> bytes:
@@ -21,9 +21,9 @@ def encode_batch_usda(subject: BatchWritable, placement: Placement = PLAIN) -> b
     times = [row.columns()["time_s"] for row in rows]
     everything = np.unique(np.concatenate(times))
     rate, codes = time_codes(everything)
-    prims = {}
+    prims, samples = {}, Samples()
     for number, path in enumerate(fleet_paths(placement, indices)):
         own = codes[np.searchsorted(everything, times[number])]
-        prims[path] = rover(rows[number], placement.beside(indices[number]), path, own)
+        prims[path] = rover(rows[number], rows[number].stage(), placement.beside(indices[number]), path, own, samples)
     doc = f"{len(prims)} rovers, by their index among those asked for; each as in a layer of one"
-    return Layer(about, doc, rate, codes[0], codes[-1]).text(prims, placement).encode()
+    return samples.written(Layer(about, doc, rate, codes[0], codes[-1]).text(prims, placement))

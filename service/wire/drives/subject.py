@@ -11,8 +11,7 @@ import numpy.typing as npt
 from service.twin import Loaded
 from service.twin.drives import Drive, DriveDomain
 from service.wire.drives.side import side_of
-from service.wire.forms.numbers import times_text
-from service.wire.forms.subject import Picture, Stage, headers_of, model_of, unit_of
+from service.wire.forms.subject import ColumnTexts, Picture, Stage, headers_of, model_of, unit_of
 
 _LABELS = {
     "slope": "x, m\nalong the track",
@@ -54,17 +53,22 @@ class DriveSubject:
             "until_distance_m": asked.until_distance_m,
         }
 
-    def answer(self) -> dict[str, Any]:
+    def groups(self) -> Mapping[str, Mapping[str, npt.NDArray[Any]]]:
+        """`trajectory`, and `band` where asked for."""
+        band = {} if self.drive.band is None else {"band": self.drive.band.columns()}
+        return {"trajectory": self.drive.trajectory, **band}
+
+    def answer(self, texts: ColumnTexts) -> dict[str, Any]:
         """`service.wire.drives.answer.DriveAnswer`."""
         drive = self.drive
         answer: dict[str, Any] = {
             "model": model_of(self.loaded),
             "drive": self.echo(),
             "frame": drive.frame,
-            "trajectory": drive.trajectory | {"time_s": times_text(drive.trajectory["time_s"])},
+            "trajectory": texts["trajectory"],
         }
         if drive.band is not None:
-            answer["band"] = {"level": drive.band.level, **drive.band.columns()}
+            answer["band"] = {"level": drive.band.level, **texts["band"]}
         return answer | self._rest()
 
     def _rest(self) -> dict[str, Any]:

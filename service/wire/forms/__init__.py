@@ -77,12 +77,12 @@ class Encoder:
 
 ENCODERS: Mapping[Format, Encoder] = MappingProxyType(
     {
-        Format.JSON: Encoder("application/json", encode_json, text=True, points_at_once=4_000),
-        Format.CSV: Encoder("text/csv", encode_csv, text=True, points_at_once=1_000),
+        Format.JSON: Encoder("application/json", encode_json, text=True, points_at_once=25_000),
+        Format.CSV: Encoder("text/csv", encode_csv, text=True, points_at_once=13_000),
         Format.NPZ: Encoder("application/x-npz", encode_npz, text=False, points_at_once=25_000),
         Format.ARROW: Encoder("application/vnd.apache.arrow.stream", encode_arrow, text=False, points_at_once=25_000),
         Format.PARQUET: Encoder("application/vnd.apache.parquet", encode_parquet, text=False, points_at_once=2_000),
-        Format.USDA: Encoder("model/vnd.usda", encode_usda, text=True, points_at_once=210),
+        Format.USDA: Encoder("model/vnd.usda", encode_usda, text=True, points_at_once=500),
         Format.SVG: Encoder("image/svg+xml", encode_svg, text=True, points_at_once=0),
         Format.PNG: Encoder("image/png", encode_png, text=False, points_at_once=0),
         Format.HTML: Encoder("text/html", encode_html, text=True, points_at_once=0),

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-import numpy.typing as npt
-
-from service.wire.forms.numbers import dump
+from service.twin import NonFiniteError
+from service.wire.digits import table_text
+from service.wire.forms.numbers import require_finite_columns, table_column
 from service.wire.forms.subject import Writable
 
 
 def encode_csv(subject: Writable) -> bytes:
-    """Lines of comma-separated numbers, each ended by a line feed; true is 1, false 0. Raises NonFiniteError."""
+    """Lines of comma-separated numbers, each ended by a line feed; true is 1, false 0. Raises NonFiniteError.
+
+    The digits are those of the JSON answer.
+    """
     columns = subject.columns()
-    # orjson writes a column many times faster than a loop would, and the digits are then those of the JSON answer
-    numbers = [dump(_as_numbers(values))[1:-1].split(b",") for values in columns.values()]
-    return b"\n".join([",".join(columns).encode(), *map(b",".join, zip(*numbers, strict=True)), b""])
-
-
-def _as_numbers(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    return values.astype(np.int64) if values.dtype == np.bool_ else values
+    try:
+        texts = [table_column(name, values) for name, values in columns.items()]
+        pieces = [b"", *[b","] * (len(texts) - 1), b"\n"]
+        return ",".join(columns).encode() + b"\n" + table_text(texts, pieces, len(columns["time_s"]))
+    except NonFiniteError:
+        require_finite_columns(columns, "answer")  # which says where
+        raise

@@ -7,9 +7,10 @@ from dataclasses import asdict, is_dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from service.pictures.report import Cell, Report, Section, Table, as_html
-from service.wire.forms.numbers import require_finite
+from service.wire.forms.numbers import DECIMALS, is_rounded, require_finite
 from service.wire.forms.plot import drawing_of
 from service.wire.forms.subject import Writable
 
@@ -75,8 +76,14 @@ def _points(subject: Writable) -> Table:
     count = len(columns["time_s"])
     rows = np.unique(np.linspace(0, count - 1, min(count, MOST_ROWS)).round().astype(int))
     shown = f"{len(rows)} of {count} points, evenly spread" if len(rows) < count else f"all {count} points"
-    cells = zip(*(values[rows].tolist() for values in columns.values()), strict=True)
+    cells = zip(*(_cells(name, values[rows]) for name, values in columns.items()), strict=True)
     return Table(shown, list(columns), list(cells), digits=5)
+
+
+def _cells(name: str, values: npt.NDArray[Any]) -> list[Any]:
+    """The numbers of the JSON answer."""
+    cells: list[Any] = values.tolist()
+    return [round(each, DECIMALS) for each in cells] if is_rounded(name, values) else cells
 
 
 def _events(about: Mapping[str, Any]) -> list[Section]:

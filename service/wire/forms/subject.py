@@ -9,12 +9,12 @@ from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
+import orjson
 
 from service.learning.domain import DomainVerdict
 from service.physics.frames import slope_to_world
 from service.physics.scenario import Array
 from service.twin import Frame, Loaded, Prediction
-from service.wire.forms.numbers import times_text
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,8 +81,12 @@ class Writable(Protocol):
         """
         ...
 
-    def answer(self) -> dict[str, Any]:
-        """The JSON answer, for orjson."""
+    def groups(self) -> Mapping[str, Mapping[str, npt.NDArray[Any]]]:
+        """The columns as the JSON answer has them: `trajectory`, and what else was asked for."""
+        ...
+
+    def answer(self, texts: ColumnTexts) -> dict[str, Any]:
+        """The JSON answer, for orjson, with the columns of `groups` as texts."""
         ...
 
     def headers(self) -> dict[str, str]:
@@ -97,6 +101,9 @@ class Writable(Protocol):
         """As something that moves."""
         ...
 
+
+ColumnTexts = Mapping[str, Mapping[str, orjson.Fragment]]
+"""Columns by group and name, each as a JSON list."""
 
 _AXIS_LABELS = {
     "x_m": {"slope": "x, m\nalong the slope", "world": "x, m\nhorizontal"},
@@ -125,19 +132,28 @@ class Subject:
         """The summary. The verdict follows from the question and from the manifest, whose numbers are finite."""
         return {"summary": self.prediction.summary}
 
-    def answer(self) -> dict[str, Any]:
+    def groups(self) -> Mapping[str, Mapping[str, Array]]:
+        """`trajectory`, and `prior` and `band` where asked for."""
+        groups: dict[str, Mapping[str, Array]] = {"trajectory": self.prediction.trajectory}
+        if self.prediction.prior is not None:
+            groups["prior"] = self.prediction.prior
+        if self.prediction.band is not None:
+            groups["band"] = self.prediction.band.columns()
+        return groups
+
+    def answer(self, texts: ColumnTexts) -> dict[str, Any]:
         """`service.wire.prediction_answer.PredictionAnswer`."""
         prediction = self.prediction
         answer: dict[str, Any] = {
             "model": model_of(self.loaded),
             "scenario": prediction.scenario,
             "frame": prediction.frame,
-            "trajectory": prediction.trajectory | {"time_s": times_text(prediction.trajectory["time_s"])},
+            "trajectory": texts["trajectory"],
         }
         if prediction.prior is not None:
-            answer["prior"] = {"name": prediction.prior_name, **prediction.prior}
+            answer["prior"] = {"name": prediction.prior_name, **texts["prior"]}
         if prediction.band is not None:
-            answer["band"] = {"level": prediction.band.level, **prediction.band.columns()}
+            answer["band"] = {"level": prediction.band.level, **texts["band"]}
         answer["domain"] = domain_document(prediction.domain)
         answer["summary"] = prediction.summary
         return answer

@@ -7,20 +7,23 @@ attribute `roverTwin:<column>`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from operator import add
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from service.physics.scenario import Array
-from service.wire.forms.numbers import dump, dump_finite, require_finite
+from service.wire.digits import MOST_DECIMALS, Rounded, Texts, Writer, table_text
+from service.wire.forms.numbers import DECIMALS, codes_texts, dump, dump_finite, require_finite, table_column
 from service.wire.forms.placement import PLAIN, Placement
 from service.wire.forms.rover_shape import shape, shape_extent, spin_deg
-from service.wire.forms.subject import Writable
+from service.wire.forms.subject import Stage, Writable
+from service.wire.kept import kept
 
+_TURN_DECIMALS = 12  # of a quaternion: no reader sees that it is not quite of length 1
 _RATES = (10.0, 100.0, 1_000.0, 10_000.0)  # the last one is the finest step of the service
 _MOST_RATE = 1e6
 _ODD_RATE = 32.0  # a power of two: times it and over it is exact for every float
@@ -62,28 +65,24 @@ _ROVER = """\
 {orients}    double3 xformOp:scale{scale}
     double3 xformOp:translate = {place}
     double3 xformOp:translate.timeSamples = {{
-{places}
-    }}
+{places}    }}
 {pivot}    uniform token[] xformOpOrder = {order}
 {columns}{shape}}}
 """
 _ORIENTS = """\
     quatd xformOp:orient.timeSamples = {{
-{samples}
-    }}
+{samples}    }}
 """
 # two lines: USD before 25, which Kit has, reads no samples beside `custom`
 _COLUMN = """\
     custom {kind} roverTwin:{name}
     {kind} roverTwin:{name}.timeSamples = {{
-{samples}
-    }}
+{samples}    }}
 """
 _SPIN = """\
             double xformOp:rotateY:spin = 0
             double xformOp:rotateY:spin.timeSamples = {{
-{samples}
-            }}
+{samples}            }}
 """
 _STILL = """\
             double xformOp:rotateY:spin = 0
@@ -96,12 +95,36 @@ def encode_usda(subject: Writable, placement: Placement = PLAIN) -> bytes:
     Dividing a time code by timeCodesPerSecond gives the very float64 of `time_s`. Raises NonFiniteError.
     """
     rate, codes = time_codes(subject.columns()["time_s"])
-    path = placement.prim_path or "/Rover"
-    prim = rover(subject, placement, path, codes)
-    layer = Layer(subject.about(), subject.stage().doc, rate, codes[0], codes[-1])
-    return layer.text({path: prim}, placement).encode()
+    path, stage, samples = placement.prim_path or "/Rover", subject.stage(), Samples()
+    prim = rover(subject, stage, placement, path, codes, samples)
+    layer = Layer(subject.about(), stage.doc, rate, codes[0], codes[-1])
+    return samples.written(layer.text({path: prim}, placement))
 
 
+class Samples:
+    """What is long in a layer: tables that texts name, and that are written when the layer is."""
+
+    def __init__(self) -> None:
+        self._tables: list[tuple[Sequence[Rounded | Texts], Sequence[bytes], int]] = []
+
+    def named(self, at: Texts, columns: Sequence[Rounded | Texts], pieces: Sequence[str]) -> str:
+        """What stands in a text for the columns at these time codes; the pieces are around and between the columns."""
+        first, *more = (each.encode() for each in pieces)
+        self._tables.append(([at, *columns], [b"", b": " + first, *more[:-1], more[-1] + b",\n"], at.count))
+        return f"\0{len(self._tables) - 1}\0"
+
+    def written(self, text: str) -> bytes:
+        """The text with its tables, UTF-8. No text of ours has a NUL of its own: JSON escapes it."""
+        writer = Writer()
+        for number, part in enumerate(text.encode().split(b"\0")):
+            if number % 2:
+                writer.table(*self._tables[int(part)])
+            else:
+                writer.raw(part)
+        return writer.done()
+
+
+@kept
 def time_codes(time_s: Array) -> tuple[float, Array]:
     """Time codes per second and the time codes, shape (time,), with `codes / rate == time_s` to the last bit.
 
@@ -110,8 +133,14 @@ def time_codes(time_s: Array) -> tuple[float, Array]:
     step = float(np.diff(time_s).min()) if len(time_s) > 1 else 1.0
     for rate in (float(round(min(1.0 / step, _MOST_RATE))), *_RATES):
         if rate >= 1.0 and (np.rint(time_s * rate) / rate == time_s).all():
-            return rate, np.rint(time_s * rate)
-    return _ODD_RATE, time_s * _ODD_RATE
+            return rate, _unchanging(np.rint(time_s * rate))
+    return _ODD_RATE, _unchanging(time_s * _ODD_RATE)
+
+
+def _unchanging(codes: Array) -> Array:
+    """Nobody may write to what is kept."""
+    codes.flags.writeable = False
+    return codes
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,15 +173,20 @@ class Layer:
         )
 
 
-def rover(subject: Writable, placement: Placement, path: str, codes: Array) -> str:
-    """The prim of one rover, to stand below its parents; `codes` are its time codes. Raises NonFiniteError."""
-    columns, stage, at = dict(subject.columns()), subject.stage(), _written(codes)
+def rover(subject: Writable, stage: Stage, placement: Placement, path: str, codes: Array, samples: Samples) -> str:
+    """The prim of one rover, to stand below its parents, at its time codes; its samples go to `samples`.
+
+    `stage` is the subject's. Raises NonFiniteError.
+    """
+    columns = dict(subject.columns())
     require_finite(columns, "answer")
-    before = list(map("        {}: ".format, at))
+    at = codes_texts(codes)
     real, imaginary = placement.orientations(stage.pitch_deg)
-    turns = _Vectors.of((real, *imaginary))
-    places = _Vectors.of(placement.translations(stage.across_m, stage.up_m))
-    turning = _ORIENTS.format(samples=turns.samples(at)) if len(stage.pitch_deg) == len(at) else ""
+    turns = _Vectors.of((real, *imaginary), _TURN_DECIMALS)
+    places = _Vectors.of(placement.translations(stage.across_m, stage.up_m), _decimals(placement))
+    turning = ""
+    if len(stage.pitch_deg) == len(codes):
+        turning = _ORIENTS.format(samples=samples.named(at, turns.columns, turns.pieces))
     scale = 1.0 if placement.scale is None else placement.scale
     return _ROVER.format(
         specifier="over" if placement.over else "def Xform",
@@ -166,21 +200,29 @@ def rover(subject: Writable, placement: Placement, path: str, codes: Array) -> s
         # an asset keeps its own scale: the operation is named, and its value shows through
         scale="" if placement.over and placement.scale is None else f" = {_same(scale)}",
         place=places.first(),
-        places=places.samples(at),
+        places=samples.named(at, places.columns, places.pieces),
         pivot="" if placement.pivot is None else f"    double3 xformOp:translate:pivot = {_fixed(placement.pivot)}\n",
         order="[" + ", ".join(map('"{}"'.format, placement.order)) + "]",
-        shape=shape(placement, _spins(columns, before)) if placement.proxy else "",
-        columns="".join(_column(name, before, values) for name, values in columns.items() if name != "time_s"),
+        shape=shape(placement, _spins(columns, at, samples)) if placement.proxy else "",
+        columns="".join(_column(name, values, at, samples) for name, values in columns.items() if name != "time_s"),
     )
 
 
-def _spins(columns: Mapping[str, npt.NDArray[Any]], before: Sequence[str]) -> dict[str, str]:
+def _decimals(placement: Placement) -> int:
+    """Of positions in units of the stage, to have them in DECIMALS of metres."""
+    return min(max(DECIMALS + math.ceil(math.log10(placement.meters_per_unit)), 0), MOST_DECIMALS)
+
+
+def _spins(columns: Mapping[str, npt.NDArray[Any]], at: Texts, samples: Samples) -> dict[str, str]:
     """How the wheels turn, where the answer knows."""
     spins = {}
     for axle in ("Rear", "Front"):
         speed = columns.get(f"{axle.lower()}_wheel_speed_rad_s")
-        turned = None if speed is None else _written(spin_deg(speed, columns["time_s"]))
-        spins[axle] = _STILL if turned is None else _SPIN.format(samples=_samples(before, turned))
+        if speed is None:
+            spins[axle] = _STILL
+        else:
+            turned = Rounded(spin_deg(speed, columns["time_s"]), DECIMALS, point=False)
+            spins[axle] = _SPIN.format(samples=samples.named(at, [turned], ["", ""]))
     return spins
 
 
@@ -209,32 +251,36 @@ def _labels(headers: Mapping[str, str]) -> Iterable[str]:
         yield f"            string {first.lower()}{''.join(more)} = {_text(value)}"
 
 
-def _column(name: str, before: Sequence[str], values: npt.NDArray[Any]) -> str:
+def _column(name: str, values: npt.NDArray[Any], at: Texts, samples: Samples) -> str:
     kind = "bool" if values.dtype == np.bool_ else "double"
-    texts = _written(values.astype(np.int64) if kind == "bool" else values)
-    return _COLUMN.format(kind=kind, name=name, samples=_samples(before, texts))
+    block = samples.named(at, [table_column(name, values, point=False)], ["", ""])
+    return _COLUMN.format(kind=kind, name=name, samples=block)
 
 
 @dataclass(frozen=True, slots=True)
 class _Vectors:
-    """Texts like (1, 0, 2): what stays the same is in the template, what changes in columns."""
+    """Texts like (1, 0, 2): what changes is in columns, the rest in the pieces between them."""
 
-    template: str
-    columns: Sequence[list[str]]
+    pieces: list[str]
+    columns: list[Rounded] = field(default_factory=list)
 
     @classmethod
-    def of(cls, parts: Sequence[float | Array]) -> _Vectors:
-        changing = [isinstance(each, np.ndarray) for each in parts]
-        texts = [_written(np.atleast_1d(each) + 0.0) for each in parts]  # 0.0: no minus before a zero
-        slots = ["{}" if changes else text[0] for changes, text in zip(changing, texts, strict=True)]
-        columns = [text for changes, text in zip(changing, texts, strict=True) if changes]
-        return cls(f"({', '.join(slots)})", columns)
+    def of(cls, parts: Sequence[float | Array], decimals: int) -> _Vectors:
+        """Numbers that stay have all their digits."""
+        vectors = cls(["("])
+        for number, part in enumerate(parts):
+            vectors.pieces[-1] += ", " if number else ""
+            if isinstance(part, np.ndarray):
+                vectors.columns.append(Rounded(part, decimals, point=False))
+                vectors.pieces.append("")
+            else:
+                vectors.pieces[-1] += _written(np.array([part + 0.0]))[0]  # 0.0: no minus before a zero
+        vectors.pieces[-1] += ")"
+        return vectors
 
     def first(self) -> str:
-        return self.template.format(*(each[0] for each in self.columns))
-
-    def samples(self, at: Sequence[str]) -> str:
-        return ",\n".join(map(("        {}: " + self.template).format, at, *self.columns))
+        first = [Rounded(each.values[:1], each.decimals, point=False) for each in self.columns]
+        return table_text(first, [each.encode() for each in self.pieces], 1).decode()
 
 
 def _fixed(vector: tuple[float, ...]) -> str:
@@ -253,10 +299,6 @@ def _frames(rate: float) -> float:
 def _written(values: npt.NDArray[Any]) -> list[str]:
     """Shortest decimals, whole numbers without a point."""
     return (dump_finite(values)[1:-1] + b",").replace(b".0,", b",").decode()[:-1].split(",")
-
-
-def _samples(before: Sequence[str], values: Sequence[str]) -> str:
-    return ",\n".join(map(add, before, values))
 
 
 def _text(text: str) -> str:

@@ -11,6 +11,7 @@ from tritonclient.utils import InferenceServerException, triton_to_np_dtype
 
 from service.settings import LIMITS
 from tests.api.conftest import ADMIN, TOKEN
+from tests.digits import HALF, rounded
 
 SCENARIO = ("slope_deg", "mass_kg", "torque_nm")
 LIMIT_OF = {
@@ -84,7 +85,7 @@ def test_every_output_is_the_very_one_of_the_single_route(banded, client, count,
 
     found = {name: answer.as_numpy(name) for name in (*names, "speed_m_s", *bounds)}
     # one scenario goes the very way it goes there; of several, float64 sums may be grouped otherwise
-    close = {"rtol": 0, "atol": 0 if count == 1 else 1e-9}
+    close = {"rtol": 0, "atol": HALF if count == 1 else HALF + 1e-9}  # there it is text
     for row in range(count):
         include = {"include": "prior,speed,band", "band_level": 0.8} if bounds else {"include": "prior,speed"}
         one = {name: float(values[row]) for name, values in asked.items()}
@@ -93,9 +94,7 @@ def test_every_output_is_the_very_one_of_the_single_route(banded, client, count,
             values = found[name] if name == "time_s" else found[name][row]
             np.testing.assert_allclose(values, document["trajectory"][name], **close)
         # a difference over 10 ms: a hundred times what the positions differ by
-        np.testing.assert_allclose(
-            found["speed_m_s"][row], document["trajectory"]["speed_m_s"], atol=200 * close["atol"]
-        )
+        np.testing.assert_allclose(found["speed_m_s"][row], document["trajectory"]["speed_m_s"], atol=HALF + 2e-7)
         for name in names[1:3]:
             np.testing.assert_allclose(found[f"prior_{name}"][row], document["prior"][name], **close)
         for name in bounds:
@@ -118,8 +117,8 @@ def test_the_prior_is_the_prior_where_a_network_corrects_it(publish, move, serve
     document = running.predict(**one, include="prior").json()
 
     for name in ("x_m", "y_m"):
-        assert answer.as_numpy(name)[0].tolist() == document["trajectory"][name] != document["prior"][name]
-        assert answer.as_numpy(f"prior_{name}")[0].tolist() == document["prior"][name]
+        assert rounded(answer.as_numpy(name)[0]).tolist() == document["trajectory"][name] != document["prior"][name]
+        assert rounded(answer.as_numpy(f"prior_{name}")[0]).tolist() == document["prior"][name]
 
 
 @st.composite
@@ -162,6 +161,8 @@ def test_the_numbers_do_not_depend_on_how_they_travel(client, form, count):
     for name, _ in outputs:
         one, other = (answer.as_numpy(name) for answer in answers)
         assert one.shape == other.shape
+        if one.ndim == 2 and name != "time_s":  # over time: of text it has seven decimals
+            one, other = rounded(one), rounded(other)
         assert [_text(each) for each in one.ravel()] == [_text(each) for each in other.ravel()]
 
 
