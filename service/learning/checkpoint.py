@@ -1,6 +1,6 @@
 """Checkpoint <-> model: a JSON description plus safetensors weights. The architecture comes from a closed table.
 
-A drive model needs no torch; networks do, and `network.checkpoint` is imported when the first one comes by.
+None needs torch, which trains networks.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import safetensors.numpy
 
-from service import parts
 from service.errors import CheckpointError
 from service.learning.drive.model import DriveModel
+from service.learning.network.checkpoint import describe_network, network_bytes, restore_network
 from service.learning.trajectory_model import TrajectoryModel
 from service.learning.weights import read_weights
 from service.physics.priors import describe_prior, restore_prior
@@ -41,8 +41,6 @@ def describe_model(model: TrajectoryModel) -> dict[str, Any]:
     if isinstance(model, DriveModel):
         architecture, inputs = {"name": DRIVE_MODEL, "arguments": model.describe()}, _DRIVE_INPUTS
     else:
-        from service.learning.network.checkpoint import describe_network  # noqa: PLC0415 - brings torch
-
         architecture, inputs = describe_network(model)
     return {
         "architecture": architecture,
@@ -56,8 +54,6 @@ def weights_bytes(model: TrajectoryModel) -> bytes:
     """The model's learned numbers as a safetensors file, little-endian. Raises TypeError as `describe_model` does."""
     if isinstance(model, DriveModel):
         return safetensors.numpy.save({name: np.ascontiguousarray(array) for name, array in model.tensors().items()})
-    from service.learning.network.checkpoint import network_bytes  # noqa: PLC0415 - brings torch
-
     return network_bytes(model)
 
 
@@ -66,7 +62,6 @@ def restore_model(description: Mapping[str, Any], weights: bytes) -> TrajectoryM
 
     Raises CheckpointError when the description names something unknown or an architecture of the past, or when the
     weights are truncated, do not fit the architecture or hold NaN or infinity (safetensors checks none of the latter).
-    Raises MissingPartError for a network where torch is not installed.
     """
     try:
         if description["outputs"] != _OUTPUTS:
@@ -77,9 +72,6 @@ def restore_model(description: Mapping[str, Any], weights: bytes) -> TrajectoryM
         if description["architecture"]["name"] == DRIVE_MODEL:
             arrays = read_weights(safetensors.numpy.load, weights)
             return DriveModel.restore(description["architecture"]["arguments"], arrays, prior)
-        parts.require(parts.NETWORKS, f"the architecture {description['architecture']['name']!s:.40}")
-        from service.learning.network.checkpoint import restore_network  # noqa: PLC0415 - brings torch
-
         return restore_network(description, prior, weights)
     except (KeyError, TypeError, ValueError) as error:
         raise CheckpointError(f"the checkpoint's description does not fit: {_reason(error)}") from error
