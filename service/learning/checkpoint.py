@@ -1,6 +1,6 @@
 """Checkpoint <-> model: a JSON description plus safetensors weights. The architecture comes from a closed table.
 
-None needs torch, which trains networks.
+`network.checkpoint` is imported when the first network comes by. Torch, which trains them, is not needed.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import safetensors.numpy
 
 from service.errors import CheckpointError
 from service.learning.drive.model import DriveModel
-from service.learning.network.checkpoint import describe_network, network_bytes, restore_network
 from service.learning.trajectory_model import TrajectoryModel
 from service.learning.weights import read_weights
 from service.physics.priors import describe_prior, restore_prior
@@ -41,6 +40,8 @@ def describe_model(model: TrajectoryModel) -> dict[str, Any]:
     if isinstance(model, DriveModel):
         architecture, inputs = {"name": DRIVE_MODEL, "arguments": model.describe()}, _DRIVE_INPUTS
     else:
+        from service.learning.network.checkpoint import describe_network  # noqa: PLC0415 - when one comes by
+
         architecture, inputs = describe_network(model)
     return {
         "architecture": architecture,
@@ -54,6 +55,8 @@ def weights_bytes(model: TrajectoryModel) -> bytes:
     """The model's learned numbers as a safetensors file, little-endian. Raises TypeError as `describe_model` does."""
     if isinstance(model, DriveModel):
         return safetensors.numpy.save({name: np.ascontiguousarray(array) for name, array in model.tensors().items()})
+    from service.learning.network.checkpoint import network_bytes  # noqa: PLC0415 - when one comes by
+
     return network_bytes(model)
 
 
@@ -72,6 +75,8 @@ def restore_model(description: Mapping[str, Any], weights: bytes) -> TrajectoryM
         if description["architecture"]["name"] == DRIVE_MODEL:
             arrays = read_weights(safetensors.numpy.load, weights)
             return DriveModel.restore(description["architecture"]["arguments"], arrays, prior)
+        from service.learning.network.checkpoint import restore_network  # noqa: PLC0415 - when one comes by
+
         return restore_network(description, prior, weights)
     except (KeyError, TypeError, ValueError) as error:
         raise CheckpointError(f"the checkpoint's description does not fit: {_reason(error)}") from error

@@ -90,7 +90,7 @@ class PaperArguments:
         return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PaperCorrection:
     """The paper's trained network (`residuals.PaperNetwork`), with float32 weights and float64 arithmetic."""
 
@@ -145,7 +145,7 @@ class PaperCorrection:
         return line.at(seen) if polygon is None else polygon.at(seen)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class ZeroCorrection:
     """Corrections of exactly zero, for any number of inputs (`residuals.ZeroResidual`)."""
 
