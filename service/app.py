@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Any, NamedTuple
@@ -54,7 +53,7 @@ from service.api.v1 import (
 from service.api.v1.admin import aliases, audit, datasets, training_jobs, version_states
 from service.api.v2 import routes as inference
 from service.api.v2.failures import PREFIX, failure
-from service.cpu import available_cpus, limit_torch_threads
+from service.cpu import available_cpus, limit_blas_threads
 from service.jobs.audit import AuditLog
 from service.jobs.queue import JobQueue
 from service.jobs.supervisor import WorkerSupervisor
@@ -85,8 +84,8 @@ def create_app(
     allow_threads(threads)
 
     def brought_in(twin: Twin) -> None:
-        if "torch" in sys.modules:  # imported by the first version that has a network
-            limit_torch_threads(threads)
+        if not twin.model.quick:  # a network: its products are so small that a second thread only makes them wait
+            limit_blas_threads(1)
         counting.loaded(twin)
 
     registry = TwinRegistry(

@@ -36,19 +36,24 @@ def limit_torch_threads(threads: int) -> None:
         torch.set_num_interop_threads(1)  # torch allows this once, before the first parallel work
 
 
+def limit_blas_threads(threads: int) -> None:
+    """Give the linear algebra under numpy this many threads."""
+    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - looks through every loaded library
+
+    threadpool_limits(threads, user_api="blas")
+
+
 def limit_compute_threads(threads: int) -> None:
     """Give torch, and the linear algebra under numpy and scipy, this many threads: for what computes weights.
 
     Their last bits depend on the number of threads: the same number is needed to get the same weights again.
     """
-    from threadpoolctl import threadpool_limits  # noqa: PLC0415 - looks through every loaded library
-
     if parts.has(parts.TRAINING):  # without, nothing here computes weights, and numpy alone is left
         import scipy.linalg  # noqa: F401, PLC0415 - only libraries that are loaded can be limited
         import torch  # noqa: PLC0415
 
         torch.set_num_threads(threads)
-    threadpool_limits(threads, user_api="blas")
+    limit_blas_threads(threads)
 
 
 def _folders(root: Path, membership: Path) -> Iterator[Path]:

@@ -10,8 +10,8 @@ from functools import cache
 
 from service.errors import MissingPartError
 
-NETWORKS, PICTURES, TRAINING = "networks", "pictures", "training"
-_LIBRARIES = {NETWORKS: ("torch",), PICTURES: ("matplotlib",), TRAINING: ("torch", "scipy", "matplotlib")}
+PICTURES, TRAINING = "pictures", "training"
+_LIBRARIES = {PICTURES: ("matplotlib",), TRAINING: ("torch", "scipy", "matplotlib")}
 _NAMES = {"torch": "PyTorch", "scipy": "SciPy", "matplotlib": "Matplotlib"}
 _WHERE = "the whole image, rover-twin, and an ordinary installation have it"
 

@@ -1,6 +1,6 @@
 """Checkpoint <-> model: a JSON description plus safetensors weights. The architecture comes from a closed table.
 
-A drive model needs no torch; networks do, and `network.checkpoint` is imported when the first one comes by.
+`network.checkpoint` is imported when the first network comes by. Torch, which trains them, is not needed.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import safetensors.numpy
 
-from service import parts
 from service.errors import CheckpointError
 from service.learning.drive.model import DriveModel
 from service.learning.trajectory_model import TrajectoryModel
@@ -41,7 +40,7 @@ def describe_model(model: TrajectoryModel) -> dict[str, Any]:
     if isinstance(model, DriveModel):
         architecture, inputs = {"name": DRIVE_MODEL, "arguments": model.describe()}, _DRIVE_INPUTS
     else:
-        from service.learning.network.checkpoint import describe_network  # noqa: PLC0415 - brings torch
+        from service.learning.network.checkpoint import describe_network  # noqa: PLC0415 - when one comes by
 
         architecture, inputs = describe_network(model)
     return {
@@ -56,7 +55,7 @@ def weights_bytes(model: TrajectoryModel) -> bytes:
     """The model's learned numbers as a safetensors file, little-endian. Raises TypeError as `describe_model` does."""
     if isinstance(model, DriveModel):
         return safetensors.numpy.save({name: np.ascontiguousarray(array) for name, array in model.tensors().items()})
-    from service.learning.network.checkpoint import network_bytes  # noqa: PLC0415 - brings torch
+    from service.learning.network.checkpoint import network_bytes  # noqa: PLC0415 - when one comes by
 
     return network_bytes(model)
 
@@ -66,7 +65,6 @@ def restore_model(description: Mapping[str, Any], weights: bytes) -> TrajectoryM
 
     Raises CheckpointError when the description names something unknown or an architecture of the past, or when the
     weights are truncated, do not fit the architecture or hold NaN or infinity (safetensors checks none of the latter).
-    Raises MissingPartError for a network where torch is not installed.
     """
     try:
         if description["outputs"] != _OUTPUTS:
@@ -77,8 +75,7 @@ def restore_model(description: Mapping[str, Any], weights: bytes) -> TrajectoryM
         if description["architecture"]["name"] == DRIVE_MODEL:
             arrays = read_weights(safetensors.numpy.load, weights)
             return DriveModel.restore(description["architecture"]["arguments"], arrays, prior)
-        parts.require(parts.NETWORKS, f"the architecture {description['architecture']['name']!s:.40}")
-        from service.learning.network.checkpoint import restore_network  # noqa: PLC0415 - brings torch
+        from service.learning.network.checkpoint import restore_network  # noqa: PLC0415 - when one comes by
 
         return restore_network(description, prior, weights)
     except (KeyError, TypeError, ValueError) as error:

@@ -18,7 +18,7 @@ from service.learning.network.fit import FitOutcome, FitProgress, NetworkFit
 from service.learning.network.fit_state import FitState
 from service.learning.network.inputs import InputSignature
 from service.learning.network.model import PhysicsInformedModel
-from service.learning.network.residuals import make_residual
+from service.learning.network.residuals import Residual, make_residual
 from service.learning.network.rows import Rows, rows_of
 from service.learning.observed import ObservedRun, scenarios_of
 from service.learning.split import Split, training_samples, validation_samples
@@ -102,9 +102,14 @@ def _begin_network(prepared: Prepared, resume: FitState | None, _announce: Annou
     signature = InputSignature.fitted(config.inputs, scenarios_of(runs), horizon, data.rover, data.regolith)
     train = rows_of([training_samples(run) for run in runs], prior, signature)
     validation = rows_of([validation_samples(run) for run in runs], prior, signature)
-    model = _fresh_network(config, prior, signature, train)
-    fit = NetworkFit(model.residual, train, validation, config.fit, resume=resume)
-    return Fitting(lambda: Fitted(model, fit.finish(), {}, {}), fit)
+    residual = _fresh_residual(config, train)
+    fit = NetworkFit(residual, train, validation, config.fit, resume=resume)
+
+    def finish() -> Fitted:
+        outcome = fit.finish()
+        return Fitted(PhysicsInformedModel(prior, signature, residual.correction()), outcome, {}, {})
+
+    return Fitting(finish, fit)
 
 
 _BEGIN: Mapping[ArchitectureName, Callable[[Prepared, FitState | None, Announce, Check], Fitting]] = {
@@ -114,14 +119,14 @@ _BEGIN: Mapping[ArchitectureName, Callable[[Prepared, FitState | None, Announce,
 }
 
 
-def _fresh_network(config: TrainingConfig, prior: Prior, signature: InputSignature, rows: Rows) -> PhysicsInformedModel:
-    """A model with seeded random weights; its outputs are scaled by the spread of what they must explain."""
+def _fresh_residual(config: TrainingConfig, rows: Rows) -> Residual:
+    """One with seeded random weights; its outputs are scaled by the spread of what they must explain."""
     torch.manual_seed(config.fit.seed)
-    arguments: dict[str, Any] = {"input_count": len(signature.inputs)}
+    arguments: dict[str, Any] = {"input_count": rows.inputs.shape[1]}
     if config.architecture == "paper_network":
         spread = rows.targets_m.std(dim=0).clamp(min=1e-4).tolist()
         arguments |= {"output_scale_m": spread, "x_form": config.x_form}
-    return PhysicsInformedModel(prior, signature, make_residual(config.architecture, arguments))
+    return make_residual(config.architecture, arguments)
 
 
 def _fit_drive(prepared: Prepared, announce: Announce, check: Check) -> Fitted:

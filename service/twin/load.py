@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from model_store import WEIGHTS, Manifest, ModelStore
-from service.errors import CheckpointError, MissingPartError
+from service.errors import CheckpointError
 from service.learning.band import BAND_FILE, Band
 from service.learning.checkpoint import restore_model
 from service.learning.domain import Domain
@@ -33,8 +33,8 @@ def load_twin(store: ModelStore, name: str, version: int) -> Twin:
         resistance = manifest.checkpoint.get("wheel_motion_resistance")
         if resistance is not None and not (isinstance(resistance, float | int) and math.isfinite(resistance)):
             raise ValueError(f"wheel_motion_resistance is {resistance!r}, allowed is a finite number or null")  # noqa: TRY301
-    except (CheckpointError, MissingPartError) as error:
-        raise type(error)(f"{name}@{version}: {error}") from error
+    except CheckpointError as error:
+        raise CheckpointError(f"{name}@{version}: {error}") from error
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise CheckpointError(f"{name}@{version}: the manifest does not fit: {error}") from error
     return Twin(manifest, model, domain, None if resistance is None else float(resistance), band)

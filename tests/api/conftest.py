@@ -67,10 +67,11 @@ def publish_version(
     arguments = {"input_count": 2}
     if architecture == "paper_network":
         arguments |= {"output_scale_m": [0.01, 0.01], "x_form": "position"}
-    model = PhysicsInformedModel(prior, signature, make_residual(architecture, arguments))
+    residual = make_residual(architecture, arguments)
     with torch.no_grad():
-        for weights in model.residual.parameters():
+        for weights in residual.parameters():
             weights *= scale
+    model = PhysicsInformedModel(prior, signature, residual.correction())
     draft = ManifestDraft(
         created_by="tests",
         description=f"a small model with coefficient {coefficient}",

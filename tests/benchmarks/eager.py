@@ -48,8 +48,9 @@ def predictor(store: ModelStore) -> Callable[[float, float, float, float, float]
         times = sample_times(horizon_s, dt_s)
         scenario = Scenario(slope_deg, mass_kg, torque_nm, horizon_s).as_physics()
         prior = model.prior.positions(scenario, times)
-        scaled = signature.time_column(times)
-        constant = np.broadcast_to(signature.scenario_columns(scenario), (len(times), len(signature.inputs) - 1))
+        scaled = signature.time_column(times).astype(np.float32)
+        columns = signature.scenario_columns(scenario).astype(np.float32)
+        constant = np.broadcast_to(columns, (len(times), len(signature.inputs) - 1))
         with torch.inference_mode():
             correction = (layers(torch.from_numpy(np.column_stack([scaled, constant]))) * scale).numpy()
         x = prior.x_m[0] + correction[:, 0] * (1.0 + scaled) / 2.0

@@ -5,8 +5,7 @@ import json
 
 import numpy as np
 import pytest
-import safetensors.torch
-import torch
+import safetensors.numpy
 
 from service.errors import CheckpointError
 from service.learning.checkpoint import describe_model, restore_model, weights_bytes
@@ -50,25 +49,25 @@ def test_truncated_weights_are_refused(length):
 def test_weights_that_are_not_finite_are_refused(bad):
     source = model()
     description, _ = saved(source)
-    tensors = {name: tensor.clone() for name, tensor in source.residual.state_dict().items()}
+    tensors = {name: tensor.copy() for name, tensor in source.correction.tensors.items()}
     tensors["layers.4.weight"][3, 5] = bad
     with pytest.raises(CheckpointError, match=r"layers\.4\.weight holds values that are not finite"):
-        restore_model(description, safetensors.torch.save(tensors))
+        restore_model(description, safetensors.numpy.save(tensors))
 
 
 def test_weights_of_another_shape_are_refused():
     source = model()
     description, _ = saved(source)
-    tensors = {name: tensor.clone() for name, tensor in source.residual.state_dict().items()}
-    tensors["layers.0.weight"] = torch.zeros(30, 4)
+    tensors = {name: tensor.copy() for name, tensor in source.correction.tensors.items()}
+    tensors["layers.0.weight"] = np.zeros((30, 4), np.float32)
     with pytest.raises(CheckpointError, match=r"layers\.0\.weight is .*\(30, 4\), the architecture needs .*\(30, 5\)"):
-        restore_model(description, safetensors.torch.save(tensors))
+        restore_model(description, safetensors.numpy.save(tensors))
 
 
 def test_missing_weights_are_refused():
     description, _ = saved(model())
     with pytest.raises(CheckpointError, match="the architecture needs"):
-        restore_model(description, safetensors.torch.save({"other": torch.zeros(1)}))
+        restore_model(description, safetensors.numpy.save({"other": np.zeros(1)}))
 
 
 def _set(path: list[str | int], value: object):

@@ -7,9 +7,9 @@ import pytest
 
 from service.errors import TrainingError
 from service.learning.evaluate import PositionErrors, evaluate, summarise, way_m
+from service.learning.network.corrections import ZeroCorrection
 from service.learning.network.inputs import InputSignature
 from service.learning.network.model import PhysicsInformedModel
-from service.learning.network.residuals import make_residual
 from service.learning.observed import Controls, ObservedRun
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 from service.physics.priors import make_prior
@@ -20,7 +20,7 @@ from tests.learning.synthetic import HORIZON_S, synthetic_run, synthetic_runs
 def zero_model() -> PhysicsInformedModel:
     scenarios = Scenarios.of(5, 430, 60)
     signature = InputSignature.fitted(("time_s",), scenarios, HORIZON_S, VIPER, LUNAR_REGOLITH)
-    return PhysicsInformedModel(make_prior("motor_slope", 0.3), signature, make_residual("zero", {"input_count": 1}))
+    return PhysicsInformedModel(make_prior("motor_slope", 0.3), signature, ZeroCorrection(1))
 
 
 def test_errors_by_hand():

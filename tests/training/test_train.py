@@ -77,8 +77,8 @@ def test_test_runs_leave_no_trace_in_the_model(store):
     assert [run.name for run in again.split.train] == [run.name for run in trained.split.train]
     assert again.model.prior == trained.model.prior
     assert again.model.signature == trained.model.signature
-    for name, tensor in again.model.residual.state_dict().items():
-        assert tensor.equal(trained.model.residual.state_dict()[name]), name
+    for name, tensor in again.model.correction.tensors.items():
+        np.testing.assert_array_equal(tensor, trained.model.correction.tensors[name], err_msg=name)
 
 
 @pytest.mark.slow

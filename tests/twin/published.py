@@ -9,6 +9,7 @@ from model_store import WEIGHTS, Lineage, Manifest, ManifestDraft, ModelStore
 from service.learning.band import BAND_FILE, Band
 from service.learning.checkpoint import describe_model, weights_bytes
 from service.learning.domain import Domain
+from service.learning.network.corrections import ZeroCorrection
 from service.learning.network.inputs import InputSignature
 from service.learning.network.model import PhysicsInformedModel
 from service.learning.network.residuals import make_residual
@@ -23,7 +24,7 @@ def zero_model(resistance: float = 0.3) -> PhysicsInformedModel:
     names = ("time_s", "slope_deg")
     signature = InputSignature.fitted(names, scenarios_of(synthetic_runs()), HORIZON_S, VIPER, LUNAR_REGOLITH)
     prior = make_prior("motor_slope", resistance)
-    return PhysicsInformedModel(prior, signature, make_residual("zero", {"input_count": 2}))
+    return PhysicsInformedModel(prior, signature, ZeroCorrection(2))
 
 
 def network_model(seed: int = 1, bias_m: float = 0.0) -> PhysicsInformedModel:
@@ -33,7 +34,7 @@ def network_model(seed: int = 1, bias_m: float = 0.0) -> PhysicsInformedModel:
     with torch.no_grad():
         network.state_dict()["layers.8.bias"].fill_(bias_m)
     zero = zero_model()
-    return PhysicsInformedModel(zero.prior, zero.signature, network)
+    return PhysicsInformedModel(zero.prior, zero.signature, network.correction())
 
 
 def draft(model: PhysicsInformedModel, **checkpoint: object) -> ManifestDraft:

@@ -133,7 +133,7 @@ def test_what_is_dropped_is_freed(store):
     for seed in range(3):
         publish(store, model=network_model(seed))
     with running(store, capacity=2) as registry:
-        dropped = weakref.ref(registry.get("unit@2").twin.model.residual)
+        dropped = weakref.ref(registry.get("unit@2").twin.model.correction)
         registry.get("unit@3")
         registry.get("unit@4")
         gc.collect()
@@ -245,7 +245,7 @@ def test_an_unloaded_model_leaves_the_memory_and_comes_back_when_asked(store):
     publish_champion(store)
     publish_champion(store, "other")
     with running(store) as registry:
-        gone = weakref.ref(registry.get("other").twin.model.residual)
+        gone = weakref.ref(registry.get("other").twin.model.correction)
         registry.get("other@1")
         registry.unload("other")
         time.sleep(3 * REFRESH_S)  # the follower does not bring it back

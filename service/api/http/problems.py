@@ -291,8 +291,8 @@ _ROWS = (
         Slug.NOT_INSTALLED,
         501,
         "Not installed here",
-        "A library is needed that this installation does without: the serving image has no networks, no pictures and "
-        "no training. `detail` says which; ask a service that runs the whole image.",
+        "A library is needed that this installation does without: the serving image has no pictures and no "
+        "training. `detail` says which; ask a service that runs the whole image.",
     ),
     ProblemKind(
         Slug.INTERNAL, 500, "Internal error", "A fault of the service; report it with the `X-Request-ID` of the answer."

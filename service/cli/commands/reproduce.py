@@ -145,7 +145,7 @@ Where training is random, cells are medians over seeds, with the range in parent
 - **Every 4th point.** Root of the paper's loss, equation (4), over every fourth sample of the {train} training runs.
   This is how the paper validates. The model was trained on the neighbours of each sample, 0.5 ms away. So the column
   measures memory and not prediction; judge by the columns before it.
-- **One trajectory.** Median time of 15 predictions of 20,001 points, torch on one thread, on the machine that wrote
+- **One trajectory.** Median time of 15 predictions of 20,001 points on one thread, on the machine that wrote
   this page. No other column depends on the machine. The paper's 120 ms are from a graphics card.
 - **Printed prior.** Equations (1) and (2) exactly as printed, with the friction coefficient that fits the training
   slopes best, because the paper states none. **Motor prior**: the closed form of a motor whose torque falls with speed.

@@ -1,1 +1,1 @@
-"""The paper's network over a prior: inputs, residual, fit and checkpoint. Imports torch."""
+"""The paper's network over a prior. `residuals/`, `fit` and `rows` train it with torch; the others answer without."""

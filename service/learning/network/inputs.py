@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from service.physics.parameters import RegolithParameters, RoverParameters
 from service.physics.scenario import Array, Scenarios
@@ -83,17 +82,17 @@ class InputSignature:
             inputs.append(Input(name, (lowest + highest) / 2, half if half > 0 else max(abs(highest), 1.0)))
         return cls(tuple(inputs), rover, regolith)
 
-    def scenario_columns(self, scenarios: Scenarios) -> npt.NDArray[np.float32]:
+    def scenario_columns(self, scenarios: Scenarios) -> Array:
         """Scaled inputs but for the time; shape (scenario, input - 1)."""
         columns = [
             (_SCENARIO_COLUMNS[each.name][1](scenarios, self.rover, self.regolith) - each.centre) / each.scale
             for each in self.inputs[1:]
         ]
-        return np.stack(columns, axis=-1).astype(np.float32) if columns else np.empty((len(scenarios), 0), np.float32)
+        return np.stack(columns, axis=-1) if columns else np.empty((len(scenarios), 0))
 
-    def time_column(self, time_s: Array) -> npt.NDArray[np.float32]:
+    def time_column(self, time_s: Array) -> Array:
         """Scaled time; the shape of `time_s`."""
-        return ((time_s - self.inputs[0].centre) / self.inputs[0].scale).astype(np.float32)
+        return (time_s - self.inputs[0].centre) / self.inputs[0].scale
 
     def describe(self) -> list[dict[str, Any]]:
         """The signature as JSON values, in order."""

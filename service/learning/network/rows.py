@@ -45,7 +45,7 @@ def rows_of(runs: Sequence[ObservedRun], prior: Prior, signature: InputSignature
     for run in runs:
         times = signature.time_column(run.time_s)[:, None]
         columns = np.broadcast_to(signature.scenario_columns(run.scenario), (len(times), len(signature.inputs) - 1))
-        inputs.append(np.concatenate([times, columns], axis=1))
+        inputs.append(np.concatenate([times, columns], axis=1).astype(np.float32))
         expected = prior.positions(run.scenario, run.time_s)
         targets.append(np.stack([run.x_m - expected.x_m[0], run.y_m - expected.y_m[0]], axis=1))
     return Rows(

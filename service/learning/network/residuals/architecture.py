@@ -6,6 +6,8 @@ from typing import Any, ClassVar
 
 import torch
 
+from service.learning.network.corrections import Correction, make_correction
+
 
 class Residual(torch.nn.Module):
     """Maps scaled inputs of shape (row, input) to corrections (dx, dy) in metres, shape (row, 2).
@@ -16,3 +18,8 @@ class Residual(torch.nn.Module):
     name: ClassVar[str]
     arguments: dict[str, Any]
     input_count: int
+
+    def correction(self) -> Correction:
+        """What answers with the weights of now. Raises CheckpointError for weights that are not finite."""
+        tensors = {name: tensor.detach().cpu().numpy().copy() for name, tensor in self.state_dict().items()}
+        return make_correction(self.name, self.arguments, tensors)

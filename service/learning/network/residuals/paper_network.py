@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import ClassVar, Literal, cast
 
 import torch
 
+from service.learning.network.corrections import WIDTHS, PaperArguments, PaperCorrection
 from service.learning.network.residuals.architecture import Residual
-
-WIDTHS = (30, 120, 500, 50, 2)
-_MAXIMUM_INPUTS = 16
 
 
 class PaperNetwork(Residual):
-    """The paper's dense network on scaled inputs.
+    """The paper's dense network on scaled inputs; `PaperArguments` says what it is made with."""
 
-    `output_scale_m` multiplies its two outputs, so that weights of ordinary size give corrections in metres.
-    `x_form` says what the first output stands for: "position", the x correction itself (the paper), or
-    "mean_speed", the correction divided by the elapsed time, which makes the correction exactly zero at t = 0.
-    The elapsed time is (1 + u)/2 of the training horizon for a scaled time u in -1..1. Past the horizon
-    (u > 1) the layers are shown the horizon itself, so that the correction stays ("position") or goes on
-    at its last mean speed ("mean_speed"), where bare ReLU layers would grow with every second.
-    """
-
-    name: ClassVar[str] = "paper_network"
+    name: ClassVar[str] = PaperCorrection.name
     output_scale_m: torch.Tensor
 
     def __init__(
@@ -34,15 +23,9 @@ class PaperNetwork(Residual):
         x_form: Literal["position", "mean_speed"] = "position",
     ) -> None:
         super().__init__()
-        if not 1 <= input_count <= _MAXIMUM_INPUTS:
-            raise ValueError(f"input_count is {input_count}, allowed is 1 to {_MAXIMUM_INPUTS}")
-        if len(output_scale_m) != 2 or not all(math.isfinite(s) and s > 0 for s in output_scale_m):
-            raise ValueError(f"output_scale_m is {output_scale_m}, allowed is two positive numbers")
-        if x_form not in ("position", "mean_speed"):
-            raise ValueError(f"x_form is {x_form!r}, allowed is position or mean_speed")
+        self.arguments = PaperArguments(input_count, output_scale_m, x_form).describe()
         self.input_count = input_count
         self.x_form = x_form
-        self.arguments = {"input_count": input_count, "output_scale_m": list(output_scale_m), "x_form": x_form}
         layers: list[torch.nn.Module] = []
         for fan_in, fan_out in zip((input_count, *WIDTHS[:-1]), WIDTHS, strict=True):
             layers += [torch.nn.Linear(fan_in, fan_out), torch.nn.ReLU()]

@@ -6,13 +6,14 @@ from typing import ClassVar
 
 import torch
 
+from service.learning.network.corrections import ZeroCorrection
 from service.learning.network.residuals.architecture import Residual
 
 
 class ZeroResidual(Residual):
     """Corrections of exactly zero, for any number of inputs."""
 
-    name: ClassVar[str] = "zero"
+    name: ClassVar[str] = ZeroCorrection.name
 
     def __init__(self, input_count: int) -> None:
         super().__init__()
