@@ -40,6 +40,11 @@ export class Problem extends Error {
     this.wait_s = wait_s;
     this.unreachable = false; // nothing answers at all
   }
+
+  /** Which controls to mark, and why. */
+  get faults() {
+    return this.type === "model-not-found" ? [{ field: "model", message: this.message }] : this.fields;
+  }
 }
 
 /**

@@ -63,7 +63,7 @@ class _Evaluated(_Simulated):
     model: Errors
 
 
-RunT = TypeVar("RunT", bound=_Simulated)
+RunT = TypeVar("RunT", bound=BaseModel)
 
 
 _SIMULATED = TypeAdapter(Annotated[list[_Simulated], Field(max_length=MAX_RUNS)])
@@ -107,7 +107,7 @@ def _trained_on(manifest: Manifest) -> frozenset[str]:
 def _by_run(manifest: Manifest, part: str) -> list[_Evaluated]:
     found = manifest.metrics.get(part)
     rows = found.get("by_run") if isinstance(found, dict) else None
-    return _parse(_EVALUATED, rows or [], f"metrics.{part}.by_run of {manifest.name}@{manifest.version}")
+    return parsed(_EVALUATED, rows or [], f"metrics.{part}.by_run of {manifest.name}@{manifest.version}")
 
 
 def _names_by_simulation(store: ModelStore, manifest: Manifest) -> dict[tuple[Any, ...], set[str]]:
@@ -123,12 +123,13 @@ def _names_by_simulation(store: ModelStore, manifest: Manifest) -> dict[tuple[An
         raise CorruptArtefactError(f"{where} is not JSON; publish the version anew") from error
     rows = report.get("by_run") if isinstance(report, dict) else None
     names: dict[tuple[Any, ...], set[str]] = {}
-    for each in _parse(_SIMULATED, rows or [], where):
+    for each in parsed(_SIMULATED, rows or [], where):
         names.setdefault(each.key()[1:], set()).add(each.run)
     return names
 
 
-def _parse(kind: TypeAdapter[list[RunT]], rows: object, where: str) -> list[RunT]:
+def parsed(kind: TypeAdapter[list[RunT]], rows: object, where: str) -> list[RunT]:
+    """Rows that a version keeps, checked. Raises CorruptArtefactError; it names `where` and the first wrong field."""
     try:
         return kind.validate_python(rows)
     except ValidationError as error:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
-from model_store import CorruptArtefactError, Manifest
+from model_store import Manifest
 from service.learning.neighbourhood import MAX_RUNS
-from service.training.evidence import Errors, Evidence, RunKey
+from service.training.evidence import Errors, Evidence, RunKey, parsed
 
 DRIVES, LONG, DOWN, SLIDES, SLOW, CLIMBS = REGIMES = (
     "drives (slope, torque or brake change)",
@@ -98,7 +98,7 @@ def left_out_runs(manifest: Manifest) -> list[LeftOutRun]:
         found = manifest.metrics.get(part)
         rows = found.get("by_run") if isinstance(found, dict) else None
         if rows:
-            return _parsed(rows, f"metrics.{part}.by_run of {manifest.name}@{manifest.version}")
+            return parsed(_RUNS, rows, f"metrics.{part}.by_run of {manifest.name}@{manifest.version}")
     return []
 
 
@@ -157,12 +157,3 @@ def _pair(regime: str, keys: Sequence[RunKey], ours: Evidence, theirs: Evidence)
         regime, len(keys), spread(ours, "final_m"), spread(theirs, "final_m"), spread(ours, "rmse_m"),
         spread(theirs, "rmse_m"),
     )  # fmt: skip
-
-
-def _parsed(rows: Any, where: str) -> list[LeftOutRun]:  # noqa: ANN401 - JSON
-    try:
-        return _RUNS.validate_python(rows)
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        field = ".".join(str(part) for part in first["loc"])[:200]
-        raise CorruptArtefactError(f"{where}: field '{field}': {first['msg']}; publish the version anew") from error

@@ -18,6 +18,7 @@ from service.physics.scenario import Array
 from service.settings import LIMITS
 from service.twin import Count, Frame, Loaded, Scenario, sample_times, uncounted
 from service.twin.scenario import sample_count
+from service.wire.commas import split_commas
 from service.wire.forms import Format, Subject, TableFormat
 from service.wire.points import require_few_times, require_wide_step
 from service.wire.stage_inputs import StageInputs
@@ -237,19 +238,12 @@ class TableFormatQuery(BaseModel):
     format: Annotated[TableFormat | SkipJsonSchema[None], FORMAT] = None
 
 
-def _split_commas(value: object) -> object:
-    """`include=a,b` and `include=a&include=b` mean the same in a query."""
-    if isinstance(value, list):
-        return [part for each in value for part in str(each).split(",")]
-    return value
-
-
 class PredictionQuery(FormatQuery, PredictionInputs):
     """A prediction asked for in the query of a GET; text becomes numbers."""
 
     include: Annotated[
         list[Include],
-        BeforeValidator(_split_commas),
+        BeforeValidator(split_commas),
         Field(
             max_length=len(Include),
             description=str(PredictionInputs.model_fields["include"].description) + " Several with commas.",
@@ -260,7 +254,7 @@ class PredictionQuery(FormatQuery, PredictionInputs):
     times_s: Annotated[
         list[_Time],
         FailFast(),
-        BeforeValidator(_split_commas),
+        BeforeValidator(split_commas),
         Field(
             min_length=1,
             description=str(PredictionInputs.model_fields["times_s"].description) + " With commas between them; a long "

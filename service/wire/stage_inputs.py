@@ -10,6 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from service.errors import InvalidValueError
+from service.wire.commas import split_commas
 from service.wire.forms.placement import PLAIN, Placement
 
 _PATH = r"^(/[A-Za-z_][A-Za-z0-9_]{0,63}){1,8}$"
@@ -25,10 +26,9 @@ class UpAxis(StrEnum):
     Z = "Z"
 
 
-def _split_commas(value: object) -> object:
-    if isinstance(value, list):
-        return [part for each in value for part in str(each).split(",")]
-    return value.split(",") if isinstance(value, str) else value
+def _parts(value: object) -> object:
+    """The command line gives one text."""
+    return split_commas([value] if isinstance(value, str) else value)
 
 
 def _point(sent: list[float] | None) -> tuple[float, float, float] | None:
@@ -54,7 +54,7 @@ class StageInputs(BaseModel):
     ] = None
     origin_m: Annotated[
         Annotated[list[Annotated[float, Field(ge=-_FURTHEST_M, le=_FURTHEST_M)]], _THREE] | SkipJsonSchema[None],
-        BeforeValidator(_split_commas),
+        BeforeValidator(_parts),
         Field(
             description="USD: where the zero of the positions is, along the axes of the stage, in metres: x,y,z. "
             "Without it, the zero of the stage.",
@@ -73,7 +73,7 @@ class StageInputs(BaseModel):
     ] = 0.0
     pivot: Annotated[
         Annotated[list[Annotated[float, Field(ge=-1e6, le=1e6)]], _THREE] | SkipJsonSchema[None],
-        BeforeValidator(_split_commas),
+        BeforeValidator(_parts),
         Field(
             description="USD: the middle between the rear wheels' centres, which the positions are of, in the asset's "
             "own coordinates: x,y,z. Without it, the asset's zero.",

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rover_twin_client import InvalidInputError, UnexpectedAnswerError, batch_parsing, calls
-from rover_twin_client.batch_calls import PIECE_SCENARIOS, BatchQuestion, BatchWork, question
+from rover_twin_client import InvalidInputError, UnexpectedAnswerError, calls
+from rover_twin_client.batch import parsing as batch_parsing
+from rover_twin_client.batch.calls import PIECE_SCENARIOS, BatchQuestion, BatchWork, question
 from rover_twin_client.document import Node
 
 SHARED: dict[str, Any] = {

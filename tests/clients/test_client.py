@@ -34,7 +34,7 @@ from rover_twin_client import (
     network,
     training_calls,
 )
-from rover_twin_client.batch_calls import BATCH_READ_S
+from rover_twin_client.batch.calls import BATCH_READ_S
 from tests.clients.conftest import seen
 
 Ask = Callable[..., Any]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from rover_twin_client import AsyncRoverTwin, Batch, FailedPrediction, InvalidInputError, Prediction, RoverTwin
-from rover_twin_client.batch_calls import PIECE_SCENARIOS
+from rover_twin_client.batch.calls import PIECE_SCENARIOS
 from tests.clients.served import served
 
 pytestmark = pytest.mark.processes

@@ -79,18 +79,6 @@ def with_token(seen: Seen, part: str, more: str = ""):
     return page
 
 
-def regime(run):
-    """As the view sorts a run."""
-    speed = run["final_x_m"] / run["horizon_s"]
-    if run.get("varies"):
-        return "drives (slope, torque or brake change)"
-    if run["horizon_s"] > 10:
-        return "longer than 10 s"
-    if run["slope_deg"] < 0 or run["torque_nm"] == 0:
-        return "downhill or motors off"
-    return "slides back" if speed < -0.015 else "stalls or crawls, under 0.1 m/s" if speed < 0.1 else "climbs"
-
-
 def test_the_card_says_what_the_manifest_says(seen, shipped):
     page = opened(seen, "card", "&model=viper-lunar&version=5")
     manifest = shipped.get("/v1/models/viper-lunar/versions/5").json()
@@ -99,10 +87,9 @@ def test_the_card_says_what_the_manifest_says(seen, shipped):
 
     names = table.locator("tbody th").all_inner_texts()
     told = [float(each.get_attribute("value")) for each in table.locator('[data-name="median_m"]').all()]
-    assert set(names) == {regime(run) for run in runs}
-    for name, median in zip(names, told, strict=True):
-        errors = [run["model"]["final_m"] for run in runs if regime(run) == name]
-        assert median == pytest.approx(np.median(errors), rel=1e-12)
+    regimes = shipped.get("/v1/models/viper-lunar/versions/5/card", format="json").json()["regimes"]
+    assert dict(zip(names, told, strict=True)) == {each["regime"]: each["final"]["median_m"] for each in regimes}
+    assert sum(each["runs"] for each in regimes) == len(runs)
     assert f"At the end of {len(runs)} runs" in page.locator("div[data-part=card]").inner_text()
     assert page.get_by_text(manifest["lineage"]["code_version"]).is_visible()
     assert page.get_by_text(manifest["lineage"]["command"]).is_visible()
@@ -118,6 +105,13 @@ def test_two_versions_are_compared_by_two_predictions_and_the_address_holds_them
         answer = shipped.get("/v1/predictions", **question, model=f"viper-lunar@{version}").json()
         told = page.locator(f'[data-name="final_x_m_{number}"]').get_attribute("value")
         assert float(told) == answer["summary"]["final_x_m"]
+    page.wait_for_selector('[data-part=compare][data-shown="viper-lunar@5 viper-lunar@1"]')
+    compared = shipped.get(
+        "/v1/models/viper-lunar/versions/5/comparison", against="viper-lunar@1", slopes_deg="0", format="json"
+    ).json()
+    assert page.get_by_text(compared["sentence"]).is_visible()
+    rows = page.get_by_role("region", name="Errors of both").locator("tbody th")
+    assert rows.all_inner_texts() == [each["regime"] for each in compared["regimes"]]
     page.get_by_label("with").select_option("viper-lunar-paper@1")
     page.wait_for_selector('[data-part=compare][data-shown="viper-lunar@5 viper-lunar-paper@1"]')
     other = open_at(shipped.url).go(page.evaluate("location.hash"))

@@ -247,7 +247,7 @@ class Drive {
 
   /** @param {Problem} problem */
   #refused(problem) {
-    this.#complain(problem.type === "model-not-found" ? [{ field: "model", message: problem.message }] : problem.fields);
+    this.#complain(problem.faults);
     fill(this.verdict, noAnswer(problem, () => void this.#again()));
     for (const each of [this.facts, this.events, this.domain, this.links]) fill(each);
     this.#stale(true);

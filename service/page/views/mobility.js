@@ -249,7 +249,7 @@ class Mobility {
   /** @param {import("../api.js").Problem} problem */
   #refused(problem) {
     this.#clear(noAnswer(problem, () => void this.#again()));
-    this.#complain(problem.type === "model-not-found" ? [{ field: "model", message: problem.message }] : problem.fields);
+    this.#complain(problem.faults);
     say(problem.message);
   }
 

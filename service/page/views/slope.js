@@ -248,7 +248,7 @@ class Slope {
   #refused(problem) {
     this.#quiet();
     this.#clear(noAnswer(problem, () => void this.#again()));
-    this.#complain(problem.type === "model-not-found" ? [{ field: "model", message: problem.message }] : problem.fields);
+    this.#complain(problem.faults);
     say(problem.message);
   }
 

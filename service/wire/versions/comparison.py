@@ -20,6 +20,7 @@ from service.training.gate import DEFAULT_MARGIN, MAX_MARGIN, Comparison, compar
 from service.training.regimes import RegimePair, pairs, varying_runs
 from service.twin import Frame, Scenario
 from service.twin.twin import Twin
+from service.wire.commas import split_commas
 from service.wire.forms import PictureFormat
 from service.wire.prediction import FORMAT, REFERENCE, PredictionInputs
 from service.wire.versions.card import SpreadAnswer, spread_answer
@@ -27,12 +28,6 @@ from service.wire.versions.card import SpreadAnswer, spread_answer
 MOST_SLOPES = 12
 _TIMES = 101
 _PREDICTION = PredictionInputs.model_fields
-
-
-def _split_commas(value: object) -> object:
-    if isinstance(value, list):
-        return [part for each in value for part in str(each).split(",")]
-    return value
 
 
 class ComparisonInputs(BaseModel):
@@ -46,7 +41,7 @@ class ComparisonInputs(BaseModel):
     ] = DEFAULT_MARGIN
     slopes_deg: Annotated[
         list[Annotated[float, Field(ge=-LIMITS.slope_deg, le=LIMITS.slope_deg)]],
-        BeforeValidator(_split_commas),
+        BeforeValidator(split_commas),
         Field(
             min_length=1,
             max_length=MOST_SLOPES,

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-import model_store
 from service.wire.stage_inputs import FleetInputs, StageInputs
-from tests.api.conftest import QUESTION, Running, serving
+from tests.api.conftest import QUESTION
 from tests.api.http.test_bad_input import faults_in
 from tests.api.readings import stage_of
 
@@ -52,16 +48,6 @@ ROUTES = {
 }
 
 
-@pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    """A service over the models that ship: they drive."""
-    folder = tmp_path_factory.mktemp("shipped")
-    shutil.copytree(Path(model_store.__file__).parent / "models", folder / "models")
-    with serving(folder) as running:
-        running.wait_ready()
-        yield running
-
-
 def test_every_parameter_is_tried_here():
     assert set(CHANGES) == set(WRONG) == set(StageInputs.model_fields)
     assert set(FleetInputs.model_fields) == {*CHANGES, "spacing_m"}
@@ -75,17 +61,17 @@ def test_what_is_wrong_is_named(service, field, value):
 
 @pytest.mark.parametrize("path", ROUTES)
 @pytest.mark.parametrize("field", ["prim_path", "origin_m"])
-def test_every_route_refuses_a_wrong_one(served, path, field):
-    answer = served.client.post(path, params={"format": "usda", field: "../x"}, json=ROUTES[path])
+def test_every_route_refuses_a_wrong_one(shipped, path, field):
+    answer = shipped.client.post(path, params={"format": "usda", field: "../x"}, json=ROUTES[path])
 
     assert faults_in(answer, field)
 
 
 @pytest.mark.parametrize("path", ROUTES)
 @pytest.mark.parametrize("field", CHANGES)
-def test_they_belong_to_usd_alone(served, path, field):
+def test_they_belong_to_usd_alone(shipped, path, field):
     for form in ({}, {"format": "npz"}):
-        answer = served.client.post(path, params={field: CHANGES[field], **form}, json=ROUTES[path])
+        answer = shipped.client.post(path, params={field: CHANGES[field], **form}, json=ROUTES[path])
         (fault,) = faults_in(answer, field)
         assert "usda" in fault["allowed"]
 
@@ -131,12 +117,12 @@ def test_no_path_says_more_than_a_path(service, path):
 
 
 @pytest.mark.parametrize("up_axis", ["Y", "Z"])
-def test_a_fleet_is_one_layer_with_the_rovers_side_by_side(served, up_axis):
+def test_a_fleet_is_one_layer_with_the_rovers_side_by_side(shipped, up_axis):
     scenarios = [{**QUESTION, "slope_deg": slope, "horizon_s": 4 + slope / 10} for slope in (5, 46, 12)]
     asked = {"format": "usda", "up_axis": up_axis, "spacing_m": "3", "heading_deg": "90", "proxy": "true"}
-    answer = served.client.post("/v1/predictions/batch", params=asked, json={"scenarios": scenarios})
+    answer = shipped.client.post("/v1/predictions/batch", params=asked, json={"scenarios": scenarios})
     stage = stage_of(answer.content)
-    alone = served.client.post("/v1/predictions", json={**scenarios[2], "frame": "world"}).json()["trajectory"]
+    alone = shipped.client.post("/v1/predictions", json={**scenarios[2], "frame": "world"}).json()["trajectory"]
     code = alone["time_s"][-1] * stage.GetTimeCodesPerSecond()
     placed = UsdGeom.XformCache(Usd.TimeCode(code)).GetLocalToWorldTransform(stage.GetPrimAtPath("/Rovers/Rover_2"))
 
@@ -150,11 +136,11 @@ def test_a_fleet_is_one_layer_with_the_rovers_side_by_side(served, up_axis):
     assert stage.GetPrimAtPath("/Rovers/Rover_2/Shape")
 
 
-def test_drives_are_a_fleet_too(served):
+def test_drives_are_a_fleet_too(shipped):
     drives = {"drives": [DRIVE, {**DRIVE, "mass_kg": 500, "until_distance_m": 1}], "dt_s": 0.5, "frame": "world"}
     params = {"format": "usda", "prim_path": "/World/Rover"}
-    stage = stage_of(served.client.post("/v1/drives/batch", params=params, json=drives).content)
-    answer = served.client.post("/v1/drives/batch", json=drives).json()
+    stage = stage_of(shipped.client.post("/v1/drives/batch", params=params, json=drives).content)
+    answer = shipped.client.post("/v1/drives/batch", json=drives).json()
 
     for row in range(2):
         rover = stage.GetPrimAtPath(f"/World/Rover_{row}")
@@ -166,8 +152,8 @@ def test_drives_are_a_fleet_too(served):
         assert found == answer["trajectory"]["x_m"][row][:points]
 
 
-def test_a_fleet_of_which_nothing_is_left_is_a_layer(served):
-    answer = served.client.post(
+def test_a_fleet_of_which_nothing_is_left_is_a_layer(shipped):
+    answer = shipped.client.post(
         "/v1/predictions/batch", params={"format": "usda"}, json={"scenarios": [{**QUESTION, "slope_deg": 46}]}
     )
 

@@ -11,13 +11,13 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from tests.api.chrono_uploads import archive
-from tests.api.conftest import TOKEN, Running, move_alias, publish_version, serving
+from tests.api.conftest import TOKEN, Running, serving
 from tests.api.training import HEADERS, admin_serving, job_store, submit, working
 
 ROOT = Path(__file__).parents[3]
@@ -27,14 +27,6 @@ pytestmark = [
     pytest.mark.processes,
     pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed"),
 ]
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    with serving(tmp_path_factory.mktemp("store"), admin_token=TOKEN, start_worker=False) as running:
-        move_alias(running.store, publish_version(running.store))
-        publish_version(running.store)
-        yield running
 
 
 @pytest.fixture

@@ -6,26 +6,17 @@ import json
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.api.conftest import TOKEN, Running, move_alias, publish_version, serving
+from tests.api.conftest import TOKEN, Running
 
 SCRIPT = Path(__file__).parents[3] / "clients" / "curl" / "versions.sh"
 pytestmark = [
     pytest.mark.processes,
     pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed"),
 ]
-
-
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    with serving(tmp_path_factory.mktemp("store"), admin_token=TOKEN, start_worker=False) as running:
-        move_alias(running.store, publish_version(running.store))
-        publish_version(running.store)
-        yield running
 
 
 @pytest.fixture

@@ -25,16 +25,16 @@ def site(tmp_path: Path) -> Path:
     return stage_in(tmp_path, "Y", 0.01)
 
 
-def test_without_a_rover_it_lists_what_could_be_one(served, site, capsys):
-    assert run(served, site) == 0
+def test_without_a_rover_it_lists_what_could_be_one(shipped, site, capsys):
+    assert run(shipped, site) == 0
 
     assert capsys.readouterr().out.split() == ["/World", "/World/Site", ROVER]
 
 
-def test_a_prediction_goes_into_a_new_stage(served, site, capsys):
+def test_a_prediction_goes_into_a_new_stage(shipped, site, capsys):
     source = site.read_bytes()
 
-    assert run(served, site, "--prim", ROVER, *SCENARIO, "--pivot=0,0,0") == 0
+    assert run(shipped, site, "--prim", ROVER, *SCENARIO, "--pivot=0,0,0") == 0
 
     said = capsys.readouterr().out
     assert "checked at 201 times" in said
@@ -42,7 +42,7 @@ def test_a_prediction_goes_into_a_new_stage(served, site, capsys):
     assert site.read_bytes() == source
     stage = Usd.Stage.Open(str(site.with_name("site.rover-twin.usda")))
     asked = {"slope_deg": 20, "mass_kg": 430, "torque_nm": 80, "frame": "world"}
-    answer = served.client.post("/v1/predictions", json=asked).json()["trajectory"]
+    answer = shipped.client.post("/v1/predictions", json=asked).json()["trajectory"]
     ends = [np.array(at(stage, ROVER, code).ExtractTranslation()) / 100 for code in (1, 601)]
     across, up = answer["x_m"][-1] - answer["x_m"][0], answer["z_m"][-1] - answer["z_m"][0]
     assert ends[1][1] - ends[0][1] == pytest.approx(up, abs=1e-6)
@@ -50,13 +50,13 @@ def test_a_prediction_goes_into_a_new_stage(served, site, capsys):
 
 
 @pytest.mark.parametrize("where", ["file", "in place", "alone"])
-def test_a_drive_from_a_file(served, site, tmp_path, where):
+def test_a_drive_from_a_file(shipped, site, tmp_path, where):
     question, output, source = tmp_path / "drive.json", tmp_path / "out" / "moved.usd", site.read_bytes()
     question.write_text(json.dumps({**DRIVE, "include": ["band", "wheel_speed"]}))
     output.parent.mkdir()
     options = {"file": [], "in place": ["--in-place"], "alone": ["--layer-only"]}[where]
 
-    assert run(served, site, "--prim", ROVER, "--question", question, "--output", output, *options) == 0
+    assert run(shipped, site, "--prim", ROVER, "--question", question, "--output", output, *options) == 0
 
     layer = Sdf.Layer.FindOrOpen(str(output))
     assert list(layer.subLayerPaths) == (["../site.usda"] if where == "file" else [])
@@ -68,18 +68,18 @@ def test_a_drive_from_a_file(served, site, tmp_path, where):
     assert rover.GetCustomDataByKey("roverTwin:bandLevel") == "0.9"
     assert rover.GetCustomDataByKey("roverTwin:outcome") == "passes"
     # once more, over what is there
-    assert run(served, site, "--prim", ROVER, "--question", question, "--output", output, *options) == 1
-    assert run(served, site, "--prim", ROVER, "--question", question, "--output", output, "--force", *options) == 0
+    assert run(shipped, site, "--prim", ROVER, "--question", question, "--output", output, *options) == 1
+    assert run(shipped, site, "--prim", ROVER, "--question", question, "--output", output, "--force", *options) == 0
 
 
-def test_in_place_again_begins_where_the_rover_stood_before_the_first(served, site, tmp_path):
+def test_in_place_again_begins_where_the_rover_stood_before_the_first(shipped, site, tmp_path):
     away, reference = ["--origin-m=5,6,7", "--heading-deg", "120"], tmp_path / "reference.usda"
-    assert run(served, site, "--prim", ROVER, *SCENARIO, "--output", reference) == 0
+    assert run(shipped, site, "--prim", ROVER, *SCENARIO, "--output", reference) == 0
     expected = [at(Usd.Stage.Open(str(reference)), ROVER, code) for code in (1, 601)]
 
-    assert run(served, site, "--prim", ROVER, *SCENARIO, *away, "--in-place") == 0
+    assert run(shipped, site, "--prim", ROVER, *SCENARIO, *away, "--in-place") == 0
     before = site.with_name("site.rover-twin.before.usda").read_bytes()
-    assert run(served, site, "--prim", ROVER, *SCENARIO, "--in-place", "--force") == 0
+    assert run(shipped, site, "--prim", ROVER, *SCENARIO, "--in-place", "--force") == 0
 
     stage = Usd.Stage.Open(str(site))
     for code, matrix in zip((1, 601), expected, strict=True):
@@ -87,7 +87,7 @@ def test_in_place_again_begins_where_the_rover_stood_before_the_first(served, si
     assert site.with_name("site.rover-twin.before.usda").read_bytes() == before
 
 
-def test_a_fleet_has_a_prim_for_each_rover(served, tmp_path, capsys):
+def test_a_fleet_has_a_prim_for_each_rover(shipped, tmp_path, capsys):
     site = stage_in(tmp_path, "Z", 1.0, "translate")
     text = site.read_text()
     rover = text[text.index('        def Xform "Rover"') : text.rindex("    }\n}")]
@@ -96,7 +96,7 @@ def test_a_fleet_has_a_prim_for_each_rover(served, tmp_path, capsys):
     one = {name: value for name, value in DRIVE.items() if name != "dt_s"}
     question.write_text(json.dumps({"drives": [one, {**one, "mass_kg": 500}], "dt_s": 0.1}))
 
-    assert run(served, site, "--prim", ROVER, "--prim", "/World/Site/Second", "--question", question) == 0
+    assert run(shipped, site, "--prim", ROVER, "--prim", "/World/Site/Second", "--question", question) == 0
     stage = Usd.Stage.Open(str(site.with_name("site.rover-twin.usda")))
     heavier, lighter = (at(stage, path, 481).ExtractTranslation() for path in ("/World/Site/Second", ROVER))
     assert heavier[1] - lighter[1] == pytest.approx(5)
@@ -104,22 +104,22 @@ def test_a_fleet_has_a_prim_for_each_rover(served, tmp_path, capsys):
     outcomes = [line for line in capsys.readouterr().out.splitlines() if "outcome" in line]
     assert [line.partition(":")[0] for line in outcomes] == [ROVER, "/World/Site/Second"]
 
-    assert run(served, site, "--prim", ROVER, "--question", question, "--force") == 1
+    assert run(shipped, site, "--prim", ROVER, "--question", question, "--force") == 1
     assert "2 rovers, and 1 are named" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("up_axis", "meters_per_unit"), [("Z", 1.0), ("Y", 0.01)])
-def test_a_stage_without_a_rover_gets_one(served, tmp_path, up_axis, meters_per_unit):
+def test_a_stage_without_a_rover_gets_one(shipped, tmp_path, up_axis, meters_per_unit):
     site = stage_in(tmp_path, up_axis, meters_per_unit)
     question = tmp_path / "drive.json"
     question.write_text(json.dumps(DRIVE))
     output = tmp_path / "with-rover.usda"
     options = ["--proxy", "--origin-m", "1,2,3", "--heading-deg", "90", "--output", output]
 
-    assert run(served, site, "--prim", "/RoverTwin", "--question", question, *options) == 0
+    assert run(shipped, site, "--prim", "/RoverTwin", "--question", question, *options) == 0
 
     stage = Usd.Stage.Open(str(output))
-    answer = served.client.post("/v1/drives", json={**DRIVE, "frame": "world"}).json()["trajectory"]
+    answer = shipped.client.post("/v1/drives", json={**DRIVE, "frame": "world"}).json()["trajectory"]
     x, ahead, up = 1.0, answer["x_m"][-1], answer["z_m"][-1]
     expected = [x, 2 + ahead, 3 + up] if up_axis == "Z" else [x, 2 + up, 3 - ahead]
     found = at(stage, "/RoverTwin", 1 + stage.GetTimeCodesPerSecond() * 8).ExtractTranslation()
@@ -146,21 +146,21 @@ def test_a_stage_without_a_rover_gets_one(served, tmp_path, up_axis, meters_per_
         (["--prim", ROVER, *SCENARIO, "--output", "SITE", "--force"], "exists already"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_done_is_said_and_no_file_changes(served, tmp_path, capsys, arguments, said):
+def test_what_cannot_be_done_is_said_and_no_file_changes(shipped, tmp_path, capsys, arguments, said):
     site = stage_in(tmp_path, "Z", 1.0)
     before = {each: each.read_bytes() for each in tmp_path.iterdir()}
 
-    assert run(served, site, *(str(site) if each == "SITE" else each for each in arguments)) == 1
+    assert run(shipped, site, *(str(site) if each == "SITE" else each for each in arguments)) == 1
 
     assert said in capsys.readouterr().err
     assert {each: each.read_bytes() for each in tmp_path.iterdir()} == before
 
 
-def test_a_file_that_is_no_stage_is_said(served, tmp_path, capsys):
+def test_a_file_that_is_no_stage_is_said(shipped, tmp_path, capsys):
     (tmp_path / "x.usda").write_text("no stage")
 
-    assert run(served, tmp_path / "x.usda", "--prim", "/X", *SCENARIO) == 1
-    assert run(served, tmp_path / "none.usda", "--prim", "/X", *SCENARIO) == 1
+    assert run(shipped, tmp_path / "x.usda", "--prim", "/X", *SCENARIO) == 1
+    assert run(shipped, tmp_path / "none.usda", "--prim", "/X", *SCENARIO) == 1
     assert capsys.readouterr().err.count("rover-twin-usd: ") == 2
 
 

@@ -17,17 +17,17 @@ PLACED = ["--origin-m=1,2,3", "--heading-deg", "90"]
 
 @pytest.mark.parametrize("parent", PARENTS)
 @pytest.mark.parametrize(("up_axis", "meters_per_unit"), [("Z", 1.0), ("Y", 0.01)])
-def test_a_rover_below_any_parent_is_where_the_answer_says(served, tmp_path, up_axis, meters_per_unit, parent):
+def test_a_rover_below_any_parent_is_where_the_answer_says(shipped, tmp_path, up_axis, meters_per_unit, parent):
     site, output = stage_in(tmp_path, up_axis, meters_per_unit, "none", parent), tmp_path / "with.usda"
     question = tmp_path / "drive.json"
     question.write_text(json.dumps({**DRIVE, "include": ["wheel_speed"]}))
     path = "/World/Site/Proxy"
 
     arguments = ["--proxy", "--question", question, *PLACED, "--start-s", "2", "--output", output]
-    assert run(served, site, "--prim", path, *arguments) == 0
+    assert run(shipped, site, "--prim", path, *arguments) == 0
 
     stage = Usd.Stage.Open(str(output))
-    answer = served.client.post("/v1/drives", json={**DRIVE, "frame": "world"}).json()["trajectory"]
+    answer = shipped.client.post("/v1/drives", json={**DRIVE, "frame": "world"}).json()["trajectory"]
     for number in (0, 33, 80):
         ahead, up = answer["x_m"][number], answer["z_m"][number]
         expected = [1.0, 2 + ahead, 3 + up] if up_axis == "Z" else [1.0, 2 + up, 3 - ahead]
@@ -43,11 +43,11 @@ def test_a_rover_below_any_parent_is_where_the_answer_says(served, tmp_path, up_
     assert validated(stage) == []
 
 
-def test_parents_keep_what_they_are_and_others_are_defined(served, tmp_path):
+def test_parents_keep_what_they_are_and_others_are_defined(shipped, tmp_path):
     site, output = stage_in(tmp_path, "Z", 1.0, "none"), tmp_path / "with.usda"
     site.write_text(site.read_text().replace('def Xform "Site"', 'def Scope "Site"').replace("float3 xformOp:", ""))
 
-    assert run(served, site, "--prim", "/World/Site/New/Rover", "--proxy", *SCENARIO, "--output", output) == 0
+    assert run(shipped, site, "--prim", "/World/Site/New/Rover", "--proxy", *SCENARIO, "--output", output) == 0
 
     stage = Usd.Stage.Open(str(output))
     assert stage.GetPrimAtPath("/World/Site").GetTypeName() == "Scope"
@@ -58,22 +58,22 @@ def test_parents_keep_what_they_are_and_others_are_defined(served, tmp_path):
 @pytest.mark.parametrize(
     ("metadata", "said"), [("instanceable = true", "is an instance"), ("active = false", "is inactive")]
 )
-def test_where_nothing_can_be_put_it_is_said(served, tmp_path, capsys, metadata, said):
+def test_where_nothing_can_be_put_it_is_said(shipped, tmp_path, capsys, metadata, said):
     site = stage_in(tmp_path, "Z", 1.0, more=metadata)
 
-    assert run(served, site, "--prim", "/World/Site/Rover/Proxy", "--proxy", *SCENARIO) == 1
+    assert run(shipped, site, "--prim", "/World/Site/Rover/Proxy", "--proxy", *SCENARIO) == 1
 
     assert f"/World/Site/Rover {said}" in capsys.readouterr().err
     assert not list(tmp_path.glob("*rover-twin*"))
 
 
-def test_a_fleet_stands_in_a_row_and_has_a_line_for_each(served, tmp_path, capsys):
+def test_a_fleet_stands_in_a_row_and_has_a_line_for_each(shipped, tmp_path, capsys):
     site, output, question = stage_in(tmp_path, "Z", 1.0), tmp_path / "with.usda", tmp_path / "fleet.json"
     steep = [{"slope_deg": slope, "mass_kg": 430, "torque_nm": 60} for slope in (5, 35)]
     question.write_text(json.dumps({"scenarios": steep}))
 
     arguments = ["--proxy", "--question", question, *PLACED, "--spacing-m", "3", "--output", output]
-    assert run(served, site, "--prim", "/Proxy", *arguments) == 0
+    assert run(shipped, site, "--prim", "/Proxy", *arguments) == 0
 
     said = capsys.readouterr().out.splitlines()
     outcomes = [line for line in said if "outcome" in line]

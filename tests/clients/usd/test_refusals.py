@@ -32,11 +32,11 @@ POINT = "three numbers with commas between them"
         ("--mass-kg=nan", "allowed is a finite number"),
     ],
 )
-def test_a_number_out_of_bounds_is_named_with_what_is_allowed(served, tmp_path, capsys, option, said):
+def test_a_number_out_of_bounds_is_named_with_what_is_allowed(shipped, tmp_path, capsys, option, said):
     site = stage_in(tmp_path, "Z", 1.0)
 
     with pytest.raises(SystemExit) as stopped:
-        run(served, site, *ASKED, option)
+        run(shipped, site, *ASKED, option)
 
     assert stopped.value.code == 2
     error = capsys.readouterr().err
@@ -64,11 +64,11 @@ def test_a_number_out_of_bounds_is_named_with_what_is_allowed(served, tmp_path, 
         (["--prim", "R/", *SCENARIO, "--proxy"], "allowed is a new path such as /RoverTwin"),
     ],
 )  # fmt: skip
-def test_what_has_no_place_or_no_effect_is_refused(served, tmp_path, capsys, arguments, said):
+def test_what_has_no_place_or_no_effect_is_refused(shipped, tmp_path, capsys, arguments, said):
     site = stage_in(tmp_path, "Z", 1.0)
     before = {each: each.read_bytes() for each in tmp_path.iterdir()}
 
-    assert run(served, site, *(each.replace("FOLDER", str(tmp_path)) for each in arguments)) == 1
+    assert run(shipped, site, *(each.replace("FOLDER", str(tmp_path)) for each in arguments)) == 1
 
     error = capsys.readouterr().err
     assert said in error
@@ -80,34 +80,34 @@ def test_what_has_no_place_or_no_effect_is_refused(served, tmp_path, capsys, arg
     ("content", "said"),
     [(None, "there is no file"), ("no stage", "no USD stage"), ("#usda 1.0\n\n nonsense", "no USD stage")],
 )
-def test_a_stage_that_is_none_is_said_in_one_sentence(served, tmp_path, capsys, content, said):
+def test_a_stage_that_is_none_is_said_in_one_sentence(shipped, tmp_path, capsys, content, said):
     file = tmp_path / "x.usda"
     if content is not None:
         file.write_text(content)
 
-    assert run(served, file, *ASKED) == 1
+    assert run(shipped, file, *ASKED) == 1
 
     error = capsys.readouterr().err
     assert said in error
     assert "pxrInternal" not in error
 
 
-def test_a_token_with_a_line_end_is_refused(served, tmp_path, capsys, monkeypatch):
+def test_a_token_with_a_line_end_is_refused(shipped, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("ROVER_TWIN_TOKEN", "one\nX-Other: two")
 
-    assert run(served, stage_in(tmp_path, "Z", 1.0), *ASKED) == 1
+    assert run(shipped, stage_in(tmp_path, "Z", 1.0), *ASKED) == 1
     assert "ROVER_TWIN_TOKEN has a line end" in capsys.readouterr().err
 
 
-def test_a_package_is_not_changed_in_place(served, tmp_path, capsys):
+def test_a_package_is_not_changed_in_place(shipped, tmp_path, capsys):
     from pxr import UsdUtils
 
     package = tmp_path / "site.usdz"
     assert UsdUtils.CreateNewUsdzPackage(str(stage_in(tmp_path, "Z", 1.0)), str(package))
 
-    assert run(served, package, *ASKED, "--in-place") == 1
+    assert run(shipped, package, *ASKED, "--in-place") == 1
     assert "cannot be changed in place" in capsys.readouterr().err
-    assert run(served, package, *ASKED) == 0
+    assert run(shipped, package, *ASKED) == 0
 
 
 @pytest.mark.parametrize(("metadata", "said"), [("active = false", "is inactive"), ("", "invisible")])
@@ -138,11 +138,11 @@ def test_a_failed_check_leaves_what_was_there(tmp_path, alone):
     assert sorted(each.name for each in tmp_path.iterdir()) == ["drive.usda", "site.usda", "viper.usda"]
 
 
-def test_a_fleet_from_one_origin_needs_room(served, tmp_path, capsys):
+def test_a_fleet_from_one_origin_needs_room(shipped, tmp_path, capsys):
     site = stage_in(tmp_path, "Z", 1.0)
     question = tmp_path / "fleet.json"
     one = {name: value for name, value in DRIVE.items() if name != "dt_s"}
     question.write_text(json.dumps({"drives": [one, {**one, "mass_kg": 500}], "dt_s": 0.1}))
 
-    assert run(served, site, "--prim", "/Proxy", "--proxy", "--question", question) == 1
+    assert run(shipped, site, "--prim", "/Proxy", "--proxy", "--question", question) == 1
     assert "2 rovers would start on one spot: say with --spacing-m" in capsys.readouterr().err

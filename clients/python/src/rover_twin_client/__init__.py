@@ -33,7 +33,7 @@ from rover_twin_client.answers import (
     SuggestionReason,
     Summary,
 )
-from rover_twin_client.batches import Batch, FailedPrediction
+from rover_twin_client.batch.answers import Batch, FailedPrediction
 from rover_twin_client.drives import (
     Drive,
     DriveDomain,

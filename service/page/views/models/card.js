@@ -6,7 +6,7 @@ import { datum, fill, h, percent, shown } from "../../dom.js";
 import { addressOf } from "../../state.js";
 import { promote } from "./aliases.js";
 import { confirm, whenAdmitted } from "./dialogs.js";
-import { bar, byRegime, leftOut, metres, spread } from "./evidence.js";
+import { bar, leftOut, metres } from "./evidence.js";
 import { bytes, counted, facts, fold, picture, refusal, short, table, when } from "./show.js";
 
 /** @typedef {import("./show.js").Chosen} Chosen */
@@ -27,15 +27,10 @@ export function mount(room) {
       const { signal } = asking;
       const path = `v1/models/${encodeURIComponent(chosen.name)}/versions/${chosen.version}`;
       try {
-        const [manifest, state, names] = await Promise.all([askJson(path, { signal }), askJson(`${path}/state`, { signal }), datasetNames(path, signal)]);
+        const [manifest, state, card] = await Promise.all([askJson(path, { signal }), askJson(`${path}/state`, { signal }), cardOf(path, signal)]);
         if (signal.aborted) return;
-        const figures = h("div", { hidden: true });
-        fill(room, head(chosen, manifest, state), errors(manifest), band(manifest), domain(manifest), lineage(chosen, manifest, names), figures, files(path, manifest));
+        fill(room, head(chosen, manifest, state), errors(manifest, card), band(manifest), domain(manifest), lineage(chosen, manifest, card), figure(path, signal), files(path, manifest));
         room.dataset.shown = `${chosen.name}@${chosen.version}`;
-        if (await hasPictures() && !signal.aborted) {
-          figures.append(figure(path, signal));
-          figures.hidden = false;
-        }
       } catch (error) {
         if (signal.aborted) return;
         if (!(error instanceof Problem)) throw error;
@@ -46,24 +41,14 @@ export function mount(room) {
   return part;
 }
 
-/** Names of the datasets that a version was made from, by their ids. @param {string} path  of the version @param {AbortSignal} signal @returns {Promise<Map<string, string>>} */
-async function datasetNames(path, signal) {
+/** The card, or why there is none: the rest of the version can be shown without it. @param {string} path  of the version @param {AbortSignal} signal @returns {Promise<any>} */
+async function cardOf(path, signal) {
   try {
-    const { datasets } = await askJson(`${path}/card`, { query: { format: "json" }, signal });
-    return new Map(datasets.map((/** @type {{id: string, name: string}} */ each) => [each.id, each.name]));
+    return await askJson(`${path}/card`, { query: { format: "json" }, signal });
   } catch (error) {
-    if (error instanceof Problem) return new Map();
+    if (error instanceof Problem) return error;
     throw error;
   }
-}
-
-/** @type {Promise<boolean> | undefined} */
-let pictured;
-
-/** Whether this service draws cards of versions: its document says so. */
-function hasPictures() {
-  pictured ??= askJson("openapi.json").then(({ paths }) => Object.keys(paths).some((each) => each.endsWith("/models/{name}/versions/{version}/card")));
-  return pictured.catch(() => false);
 }
 
 /** @param {Chosen} chosen @param {any} manifest @param {any} state */
@@ -110,23 +95,18 @@ function archive(chosen, what) {
   });
 }
 
-/** @param {any} manifest */
-function errors(manifest) {
+/** @param {any} manifest @param {any} card  or the Problem in its place */
+function errors(manifest, card) {
   const { kind, runs } = leftOut(manifest);
-  if (!runs.length) return h("section.card", {}, h("h2", {}, "Errors on runs that it has not seen"), h("p", {}, "Its manifest has none: no runs were kept for testing."));
-  const all = spread(runs.map((each) => each.model.final_m));
-  const priors = runs.some((each) => each.prior);
-  const rows = [...byRegime(runs)].map(([name, members]) => {
-    const ours = spread(members.map((each) => each.model.final_m));
-    const alone = members.flatMap((each) => (each.prior ? [each.prior.final_m] : []));
-    const prior = alone.length ? spread(alone) : undefined;
-    return [name, members.length, datum("median_m", ours.median, ours.median < 0.1 ? 4 : 3), metres(ours.p90), ...(priors ? [metres(prior?.median)] : []),
-      h("span", {}, bar(ours, "--line"), prior && bar(prior, "--prior"))];
-  });
+  const title = h("h2", {}, "Errors on runs that it has not seen");
+  if (!runs.length) return h("section.card", {}, title, h("p", {}, "Its manifest has none: no runs were kept for testing."));
+  if (card instanceof Problem) return h("section.card", {}, title, refusal(card));
+  const priors = card.regimes.some((/** @type {any} */ each) => each.prior_final);
+  const rows = card.regimes.map((/** @type {any} */ { regime, runs: members, final, prior_final: prior }) => [regime, members,
+    datum("median_m", final.median_m, final.median_m < 0.1 ? 4 : 3), metres(final.p90_m), ...(priors ? [metres(prior?.median_m)] : []),
+    h("span", {}, bar(final, "--line"), prior && bar(prior, "--prior"))]);
   const heads = ["~What the rover did", "Runs", "Median (m)", "90 % below (m)", ...(priors ? ["Prior alone, median (m)"] : []), "~1 mm to 100 m, a factor of ten each fifth"];
-  return h("section.card.stack", {}, h("h2", {}, "Errors on runs that it has not seen"),
-    h("p", {}, `At the end of ${runs.length} runs, ${kind}: half of them below `, h("strong", {}, `${metres(all.median)} m`), ", nine of ten below ",
-      h("strong", {}, `${metres(all.p90)} m`), "."),
+  return h("section.card.stack", {}, title, h("p", {}, `At the end of ${runs.length} runs, ${kind}.`),
     table("Errors by what the rover did", heads, rows),
     priors && h("p.small.muted", {}, "Blue bars: this version; brown: its closed-form part alone. Full colour to the median, lighter to the 90th percentile."),
     fold("Every run", () => tall("Errors of every run", ["~Run", "Slope (°)", "Mass (kg)", "Torque (N m)", "Time (s)", "End, error (m)", "Prior alone (m)"],
@@ -165,8 +145,9 @@ function number(value) {
   return String(Number(value.toPrecision(4))).replace("-", "−");
 }
 
-/** @param {Chosen} chosen @param {any} manifest @param {Map<string, string>} names */
-function lineage(chosen, { lineage: made, metrics }, names) {
+/** @param {Chosen} chosen @param {any} manifest @param {any} card  or the Problem in its place */
+function lineage(chosen, { lineage: made, metrics }, card) {
+  const names = new Map((card.datasets ?? []).map((/** @type {{id: string, name: string}} */ each) => [each.id, each.name]));
   const { split, libraries = {} } = made;
   const sets = (made.datasets ?? []).map((/** @type {string} */ id) => h("li", {}, names.get(id) ? `${names.get(id)} ` : "", short(id)));
   const same = made.same_weights_as;

@@ -8,7 +8,7 @@ import { datum, fill, h, later, shown } from "../../dom.js";
 import { fieldsOf, references } from "../../fields.js";
 import { numberOf } from "../../query.js";
 import { parse, write } from "../../state.js";
-import { byRegime, identity, leftOut, metres, spread } from "./evidence.js";
+import { leftOut, metres } from "./evidence.js";
 import { refusal, table, when } from "./show.js";
 
 /**
@@ -106,11 +106,14 @@ class Comparison {
     try {
       const read = (/** @type {string} */ of, /** @type {number | string} */ at) => askJson(`v1/models/${encodeURIComponent(of)}/versions/${encodeURIComponent(at)}`, { signal });
       const [ours, theirs] = await Promise.all([read(mine.name, mine.version), read(name, version)]);
-      fill(this.facing, ...sideBySide(ours, theirs));
+      const errors = h("section.card.stack", {}, h("h2", {}, "Errors on runs that neither has seen"), h("p.muted", {}, "They are being compared."));
+      fill(this.facing, sideBySide(ours, theirs), errors);
       for (const [field, control] of Object.entries(this.controls)) {
         const range = ours.domain?.[field];
         if (Array.isArray(range)) control.range(/** @type {[number, number]} */ (range));
       }
+      const compared = await askJson(`v1/models/${encodeURIComponent(mine.name)}/versions/${mine.version}/comparison`, { query: { against: wanted, slopes_deg: "0", format: "json" }, signal });
+      errors.lastChild?.replaceWith(...byRegime(compared));
       this.room.dataset.shown = pair;
     } catch (error) {
       if (signal.aborted) return;
@@ -193,24 +196,15 @@ function sideBySide(ours, theirs) {
     ["Wheel torque (N m)", ...both.map((each) => range(each, "torque_nm"))], ["Time (s)", ...both.map((each) => range(each, "horizon_s"))],
     ["Runs to train on", ...both.map((each) => each.lineage?.split?.train?.length ?? "–")], ["Runs predicted unseen", ...both.map((each) => leftOut(each).runs.length)],
   ];
-  return [h("section.card.stack", {}, h("h2", {}, "What they are"), table("What they are", ["~What", ...heads.map((each) => `~${each}`)], rows)),
-    h("section.card.stack", {}, h("h2", {}, "Errors on runs that neither has seen"), ...errors(ours, theirs, heads))];
+  return h("section.card.stack", {}, h("h2", {}, "What they are"), table("What they are", ["~What", ...heads.map((each) => `~${each}`)], rows));
 }
 
-/** @param {any} ours @param {any} theirs @param {string[]} heads */
-function errors(ours, theirs, heads) {
-  const found = new Map(leftOut(theirs).runs.map((run) => [identity(run), run]));
-  const common = leftOut(ours).runs.filter((run) => found.has(identity(run)));
-  if (!common.length) return [h("p", {}, "There are none: the runs that one was tried on, the other has seen or does not know.")];
-  const of = (/** @type {any} */ run) => [run.model.final_m, found.get(identity(run))?.model.final_m ?? NaN];
-  const row = (/** @type {string} */ name, /** @type {any[]} */ runs) => {
-    const [mine, other] = [0, 1].map((side) => spread(runs.map((each) => of(each)[side])));
-    const better = mine.median < other.median ? 0 : 1;
-    const cell = (/** @type {number} */ value, /** @type {boolean} */ wins) => (wins ? h("strong.good", {}, metres(value)) : metres(value));
-    return [name, runs.length, cell(mine.median, better === 0), cell(other.median, better === 1), metres(mine.p90), metres(other.p90)];
-  };
-  const rows = [...byRegime(common)].map(([name, runs]) => row(name, runs));
-  if (rows.length > 1) rows.push(row("all", common));
-  return [h("p", {}, `At the end of ${common.length} runs, in metres. The smaller median is green.`),
-    table("Errors of both", ["~What the rover did", "Runs", `Median, ${heads[0]}`, `Median, ${heads[1]}`, `90 % below, ${heads[0]}`, `90 % below, ${heads[1]}`], rows)];
+/** Errors as the service sorts them, and its verdict. @param {any} compared */
+function byRegime({ candidate, against, sentence, common_runs, regimes }) {
+  const cell = (/** @type {number} */ value, /** @type {boolean} */ wins) => (wins ? h("strong.good", {}, metres(value)) : metres(value));
+  const rows = regimes.map((/** @type {any} */ { regime, runs, candidate_final: mine, against_final: other }) => [regime, runs,
+    cell(mine.median_m, mine.median_m < other.median_m), cell(other.median_m, other.median_m < mine.median_m), metres(mine.p90_m), metres(other.p90_m)]);
+  const heads = [candidate, against];
+  return [h("p", {}, sentence), ...(rows.length ? [h("p", {}, `At the end of ${common_runs} runs, in metres. The smaller median is green.`),
+    table("Errors of both", ["~What the rover did", "Runs", `Median, ${heads[0]}`, `Median, ${heads[1]}`, `90 % below, ${heads[0]}`, `90 % below, ${heads[1]}`], rows)] : [])];
 }

@@ -9,10 +9,10 @@ from typing import Self
 from tenacity import AsyncRetrying
 
 from rover_twin_client._async.connection import AsyncConnection
+from rover_twin_client.concurrency.lock_async import AsyncLock
+from rover_twin_client.concurrency.socket_async import AsyncSocket
 from rover_twin_client.drives import Moment, Transport
-from rover_twin_client.lock_async import AsyncLock
 from rover_twin_client.network import bridging
-from rover_twin_client.socket_async import AsyncSocket
 from rover_twin_client.stepping import LIVE_PATH, USUAL_DT_S, Rovers, RoverStep, only
 
 

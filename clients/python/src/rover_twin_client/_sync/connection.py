@@ -16,8 +16,8 @@ from tenacity import Retrying
 
 from rover_twin_client.address import checked_url
 from rover_twin_client.calls import Answer, Call, form_of, in_form
+from rover_twin_client.concurrency.gate_sync import Gate
 from rover_twin_client.following import SILENCE_S, Following, ended_early
-from rover_twin_client.gate_sync import Gate
 from rover_twin_client.network import (
     DEFAULT_CONNECTIONS,
     DEFAULT_RETRIES,

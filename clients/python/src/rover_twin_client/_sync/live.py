@@ -10,10 +10,10 @@ from typing import Self
 from tenacity import Retrying
 
 from rover_twin_client._sync.connection import Connection
+from rover_twin_client.concurrency.lock_sync import Lock
+from rover_twin_client.concurrency.socket_sync import Socket
 from rover_twin_client.drives import Moment, Transport
-from rover_twin_client.lock_sync import Lock
 from rover_twin_client.network import bridging
-from rover_twin_client.socket_sync import Socket
 from rover_twin_client.stepping import LIVE_PATH, USUAL_DT_S, Rovers, RoverStep, only
 
 

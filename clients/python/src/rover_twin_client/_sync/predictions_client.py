@@ -8,15 +8,17 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import overload
 
-from rover_twin_client import batch_calls, batch_parsing, calls
+from rover_twin_client import calls
 from rover_twin_client._sync.drives_client import DrivesClient
 from rover_twin_client.answers import Frame, Prediction
-from rover_twin_client.batch_calls import BatchWork
-from rover_twin_client.batch_columns import Numbers, Scenarios
-from rover_twin_client.batches import Batch
+from rover_twin_client.batch import calls as batch_calls
+from rover_twin_client.batch import parsing as batch_parsing
+from rover_twin_client.batch.answers import Batch
+from rover_twin_client.batch.calls import BatchWork
+from rover_twin_client.batch.columns import Numbers, Scenarios
+from rover_twin_client.concurrency.together_sync import together
 from rover_twin_client.errors import RefusedError
 from rover_twin_client.progress import Progress, reporting
-from rover_twin_client.together_sync import together
 
 
 class PredictionsClient(DrivesClient):

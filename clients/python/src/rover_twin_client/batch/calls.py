@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from rover_twin_client import batch_columns
-from rover_twin_client import batch_parsing as parsing
 from rover_twin_client.answers import Array, ModelIdentity
-from rover_twin_client.batch_columns import Numbers, Scenarios
-from rover_twin_client.batch_parsing import Piece
-from rover_twin_client.batches import ASKED, FailedPrediction
+from rover_twin_client.batch import parsing
+from rover_twin_client.batch.answers import ASKED, FailedPrediction
+from rover_twin_client.batch.columns import Numbers, Scenarios, failures, read
+from rover_twin_client.batch.parsing import Piece
 from rover_twin_client.calls import Call, column, finite, flag, inclusions, require_band, said
 from rover_twin_client.errors import InvalidInputError, RefusedError, UnexpectedAnswerError
 
@@ -145,7 +144,7 @@ def question(
     band_level: float | None,
     strict: bool,
 ) -> BatchQuestion:
-    """What is asked; raises InvalidInputError for what are no scenarios, or not as many of each (`batch_columns`)."""
+    """What is asked; raises InvalidInputError for what are no scenarios, or not as many of each (`columns`)."""
     wanted = list(inclusions(include))
     require_band(wanted, band_level)
     shared: dict[str, Any] = {
@@ -155,8 +154,8 @@ def question(
         shared["times_s"] = column("times_s", times_s)
     shared |= said(model=model) | {"frame": frame}
     shared |= ({"include": wanted} if wanted else {}) | ({"strict": True} if flag("strict", strict) else {})
-    columns, faults = batch_columns.read(scenarios, own)
-    return BatchQuestion(columns, shared, batch_columns.failures(faults))
+    columns, faults = read(scenarios, own)
+    return BatchQuestion(columns, shared, failures(faults))
 
 
 def _scenario(row: tuple[float, ...]) -> dict[str, float | str | None]:

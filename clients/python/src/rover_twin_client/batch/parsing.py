@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_twin_client.answers import Array, Band, Frame, ModelIdentity, Prior
-from rover_twin_client.batches import Batch, FailedPrediction
+from rover_twin_client.batch.answers import Batch, FailedPrediction
 from rover_twin_client.document import Node
 from rover_twin_client.drive_parsing import fault
 from rover_twin_client.errors import FieldFault, UnexpectedAnswerError

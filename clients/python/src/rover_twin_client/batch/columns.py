@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rover_twin_client.answers import Array, Scenario
-from rover_twin_client.batches import ASKED, TABLE_COLUMNS, FailedPrediction
+from rover_twin_client.batch.answers import ASKED, TABLE_COLUMNS, FailedPrediction
 from rover_twin_client.calls import refused
 from rover_twin_client.errors import InvalidInputError
 
