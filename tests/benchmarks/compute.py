@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 STEPS_S = {201: 0.05, 2_001: 0.005, 20_001: 0.0005}
 BATCH = 1000
+MAP = 64  # slopes, and torques
 DRIVE_S, DRIVE_POINTS = 20.0, 401
 STEP_S = 0.1
 
@@ -43,12 +44,17 @@ def described(alone: Mapping[str, Sequence[float]]) -> tuple[str, list[Bar]]:
         "### Arithmetic\n\nOne trajectory in a process without a server, median, ms: the compiled engine alone, "
         "and with summary and domain verdict (floor (c) below).\n\n"
     )
+    together = Sample(alone["engine_many"]).p50
     other = (
         f"\n\nThe engine alone on a drive of {DRIVE_S:g} s at {DRIVE_POINTS} times, over slopes and under torques that "
         f"change: {Sample(alone['drive']).p50:.3g} ms. One step of {STEP_S:g} s of {BATCH:,} rovers: "
-        f"{Sample(alone['step']).p50:.3g} ms."
+        f"{Sample(alone['step']).p50:.3g} ms. {BATCH:,} constant scenarios of 201 points: {together:.3g} ms."
     )
     bars = [
+        Bar(
+            f"{BATCH:,} x 201 points, engine alone, scenarios a second", BATCH / together * 1e3, 120_000, at_least=True
+        ),
+        Bar(f"mobility map of {MAP} x {MAP}, ms", Sample(alone["map"]).p50, 40.0),
         Bar("20,001 points, engine alone, ms", Sample(alone["engine 20001"]).p50, 0.2),
         Bar(f"drive of {DRIVE_S:g} s, {DRIVE_POINTS} points, engine alone, ms", Sample(alone["drive"]).p50, 0.3),
         Bar(f"one step of {BATCH:,} rovers, engine alone, ms", Sample(alone["step"]).p50, 3.0),
@@ -68,10 +74,14 @@ def times_ms(calls: Callable[[int], object], repeats: int) -> list[float]:
 
 def main() -> None:
     """Measure and print."""
+    import numpy as np
+
     from model_store import ModelStore
+    from service.physics.scenario import Scenarios
     from service.settings import load_settings
     from service.twin import Loaded, Scenario, sample_times
     from service.twin.load import load_twin
+    from service.twin.mobility import mobility_map
     from service.wire.forms import ENCODERS, Format, Subject
 
     repeats = int(sys.argv[1])
@@ -81,6 +91,7 @@ def main() -> None:
     asked = [Scenario(**scenario, horizon_s=10.0) for scenario in scenarios(BATCH)]
     found: dict[str, list[float]] = {}
     physics = [scenario.as_physics() for scenario in asked]
+    many = Scenarios.stack(physics)
     for points, dt_s in STEPS_S.items():
         grid = sample_times(10.0, dt_s)
         found[f"engine {points}"] = times_ms(lambda n, g=grid: twin.model.positions(physics[n % BATCH], g), repeats)
@@ -90,7 +101,10 @@ def main() -> None:
             encode = ENCODERS[form].encode
             found[f"{form} {points}"] = times_ms(lambda _, e=encode, s=subject: e(s), repeats)
     grid = sample_times(10.0, STEPS_S[201])
+    found["engine_many"] = times_ms(lambda _: twin.model.positions(many, grid), max(5, repeats // 10))
     found["predict_many"] = times_ms(lambda _: twin.predict_many(asked, grid), max(5, repeats // 10))
+    torques, slopes = np.linspace(10.0, 125.0, MAP), np.linspace(-10.0, 30.0, MAP)
+    found["map"] = times_ms(lambda _: mobility_map(twin, 430.0, torques, slopes, 10.0, 0.9), max(5, repeats // 20))
     print(json.dumps(found | drives(twin.model, repeats)))
 
 
