@@ -16,6 +16,7 @@ import pytest
 from rover_twin_client import AsyncRoverTwin, Batch, FailedPrediction, InvalidInputError, Prediction, RoverTwin
 from rover_twin_client.batch.calls import PIECE_SCENARIOS
 from tests.clients.served import served
+from tests.digits import HALF
 
 pytestmark = pytest.mark.processes
 
@@ -67,10 +68,10 @@ def test_a_batch_in_pieces_is_as_many_single_predictions(service_url: str, ask: 
 
 
 def same(one: Prediction, other: Prediction) -> None:
-    """To the last digits, but for what a batch does not know of its domain."""
+    """To the digits of JSON, but for what a batch does not know of its domain."""
     found, wanted = one.to_pandas(), other.to_pandas()
     assert list(found) == list(wanted)
-    np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=HALF)
     assert (one.model, one.scenario, one.frame) == (other.model, other.scenario, other.frame)
     assert one.summary.outcome == other.summary.outcome
     numbers = [

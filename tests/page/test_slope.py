@@ -162,7 +162,7 @@ def test_links_lead_to_the_same_question_in_each_form(seen, shipped):
     answer = shipped.get("/v1/predictions", slope_deg=28, mass_kg=430, torque_nm=60).json()
 
     csv = shipped.client.get(page.locator('[data-form="csv"]').get_attribute("href")).text
-    assert float(csv.splitlines()[-1].split(",")[1]) == answer["summary"]["final_x_m"]
+    assert float(csv.splitlines()[-1].split(",")[1]) == answer["trajectory"]["x_m"][-1]
     for form in ("json", "npz", "arrow", "usda", "svg", "png"):
         assert shipped.client.get(page.locator(f'[data-form="{form}"]').get_attribute("href")).status_code == 200
     address = page.locator("pre").inner_text().split('"')[1]
