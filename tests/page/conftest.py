@@ -64,8 +64,12 @@ class Seen:
         assert hosts <= {urlsplit(self.origin).netloc}, hosts
 
     def violations(self) -> list[str]:
-        """What axe finds wrong, each with the elements."""
+        """What axe finds wrong, each with the elements: in the page's theme, and the colours of the other one."""
         found = Axe().run(self.page).response["violations"]
+        other = "light" if self.page.evaluate("matchMedia('(prefers-color-scheme: dark)').matches") else "dark"
+        self.page.emulate_media(color_scheme=other)
+        self.page.evaluate("document.getAnimations().forEach((each) => each.finish())")  # colours fade over
+        found += Axe().run(self.page, options={"runOnly": ["color-contrast"]}).response["violations"]
         return [f"{each['id']}: {[node['html'][:150] for node in each['nodes']]}" for each in found]
 
 

@@ -293,10 +293,9 @@ def test_it_works_with_a_token(open_at):
         page.context.close()
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("address", [ONE, OUTSIDE])
-def test_axe_finds_nothing_and_nothing_is_wider_than_a_phone(open_at, shipped, scheme, address):
-    seen = open_at(shipped.url, scheme, PHONE)
+def test_axe_finds_nothing_and_nothing_is_wider_than_a_phone(open_at, shipped, address):
+    seen = open_at(shipped.url, size=PHONE)
     page = opened(seen, address)
     page.get_by_text("Knots as a table").click()
     page.get_by_text("Load an elevation profile").click()

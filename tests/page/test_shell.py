@@ -15,10 +15,9 @@ from tests.api.conftest import TOKEN
 from tests.page.conftest import DESKTOP, PHONE, VIEWS
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("view", VIEWS)
-def test_axe_finds_nothing_in_any_view_and_theme(open_at, shipped, view, scheme):
-    seen = open_at(shipped.url, scheme)
+def test_axe_finds_nothing_in_any_view_and_theme(open_at, shipped, view):
+    seen = open_at(shipped.url)
     page = seen.go(f"#{view}")
     page.wait_for_selector(f'.view[data-view="{view}"] h1')
     page.wait_for_load_state("networkidle")

@@ -183,9 +183,8 @@ def test_of_many_questions_the_newest_wins_and_few_are_asked(seen):
     assert len([each for each in seen.requests if "/v1/predictions" in each]) - before <= 3
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_axe_finds_nothing_outside_the_domain_and_on_a_phone(open_at, shipped, scheme):
-    seen = open_at(shipped.url, scheme, PHONE)
+def test_axe_finds_nothing_outside_the_domain_and_on_a_phone(open_at, shipped):
+    seen = open_at(shipped.url, size=PHONE)
     page = seen.go("#slope?slope_deg=40&mass_kg=1400&torque_nm=60&horizon_s=40")
     page.wait_for_selector("[data-judged]")
 
