@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from service.twin.batch import PredictionBatch, sample_grid
 from service.twin.counting import Count, uncounted
+from service.twin.many import ManyScenarios
 from service.twin.prediction import (
     SPEED_NAMES,
     Frame,
@@ -22,6 +23,7 @@ __all__ = [
     "Count",
     "Frame",
     "Loaded",
+    "ManyScenarios",
     "NonFiniteError",
     "Outcome",
     "OutsideDomainError",

@@ -9,18 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from service.learning.domain import DomainVerdicts
-from service.physics.scenario import Array, Scenarios
+from service.physics.scenario import Array
+from service.twin.many import ManyScenarios
 from service.twin.prediction import Frame, NonFiniteError, Prediction, PredictionBand
-from service.twin.scenario import Scenario, sample_times
+from service.twin.scenario import sample_times
 from service.twin.summary import Summaries
 
 Index = npt.NDArray[np.intp]
-
-
-def as_physics(scenarios: Sequence[Scenario]) -> Scenarios:
-    """Scenarios in SI units and radians."""
-    columns = np.array([(s.slope_deg, s.mass_kg, s.torque_nm) for s in scenarios], dtype=np.float64).T
-    return Scenarios(np.radians(columns[0]), columns[1].copy(), columns[2].copy())
 
 
 def sample_grid(horizons_s: Sequence[float], dt_s: float) -> Array:
@@ -53,7 +48,7 @@ class PredictionBatch:
     unless asked for.
     """
 
-    scenarios: tuple[Scenario, ...]
+    scenarios: ManyScenarios
     frame: Frame
     time_s: Array
     counts: Index
@@ -73,7 +68,7 @@ class PredictionBatch:
     def only(self, rows: Index) -> PredictionBatch:
         """Some of the predictions; the arrays are copies."""
         return PredictionBatch(
-            scenarios=tuple(self.scenarios[row] for row in rows.tolist()),
+            scenarios=self.scenarios.only(rows),
             frame=self.frame,
             time_s=self.time_s if self.time_s.ndim == 1 else self.time_s[rows],
             counts=self.counts[rows],

@@ -11,7 +11,7 @@ import numpy as np
 from service.errors import InvalidValueError
 from service.physics.scenario import Array, Scenarios
 
-_SHORTEST_S = 1e-6  # a mean speed needs a time that can be divided by; nothing moves in a microsecond
+SHORTEST_S = 1e-6  # a mean speed needs a time that can be divided by; nothing moves in a microsecond
 _MOST_KEPT = 20_000  # steps of the grids that are kept, 160 kB each
 _SAME_TIME = 1e-9  # of a step: a horizon this close to a multiple of dt_s is that multiple
 _DECIMALS = 10  # a step that people write has no more; 600 s with that many are still exact in float64
@@ -31,7 +31,7 @@ class Scenario:
 
     def __post_init__(self) -> None:
         fits = -90.0 < self.slope_deg < 90.0 and 0.0 < self.mass_kg < math.inf and 0.0 <= self.torque_nm < math.inf
-        if not (fits and _SHORTEST_S < self.horizon_s < math.inf):
+        if not (fits and SHORTEST_S < self.horizon_s < math.inf):
             self._refuse()
 
     def _refuse(self) -> None:
@@ -40,7 +40,7 @@ class Scenario:
             ("slope_deg", -90.0, 90.0, "more than -90 and less than 90"),
             ("mass_kg", 0.0, math.inf, "positive and finite"),
             ("torque_nm", -math.ulp(0.0), math.inf, "zero or positive, and finite"),
-            ("horizon_s", _SHORTEST_S, math.inf, f"more than {_SHORTEST_S:g} and finite"),
+            ("horizon_s", SHORTEST_S, math.inf, f"more than {SHORTEST_S:g} and finite"),
         ):
             if not lowest < getattr(self, field) < highest:
                 raise InvalidValueError(field, getattr(self, field), allowed)

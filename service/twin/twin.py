@@ -23,8 +23,9 @@ from service.learning.trajectory_model import TrajectoryModel
 from service.physics.scenario import Array, Positions, Scenarios
 from service.physics.wheel_speed import slip_ratio, wheel_speed_rad_s
 from service.tracing import span_of
-from service.twin.batch import PredictionBatch, as_physics
+from service.twin.batch import PredictionBatch
 from service.twin.columns import bounds_of, first_band, first_prior, first_row, in_frame, positions_of, speeds
+from service.twin.many import ManyScenarios
 from service.twin.one import AnswersAtOnce, Asked, is_finite, summary_of, table_of, trajectory_of
 from service.twin.prediction import Frame, NonFiniteError, OutsideDomainError, Prediction, PredictionBand
 from service.twin.scenario import Scenario
@@ -162,22 +163,21 @@ class Twin:
         horizon, and shorter ones repeat it. Raises what `predict` does, for the first scenario without a finite
         answer, and ValueError for times that do not fit the scenarios or for no scenarios.
         """
-        horizons = np.array([scenario.horizon_s for scenario in scenarios], dtype=np.float64)
+        many = ManyScenarios.of(scenarios)
+        horizons, physics = many.horizon_s, many.as_physics()
         counts = _own_samples(time_s, horizons)
-        physics = as_physics(scenarios)
         asked = Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
         with span_of("predict", self, len(scenarios)):
-            core = self._predicted(scenarios, physics, horizons, asked)
-        slopes = np.array([scenario.slope_deg for scenario in scenarios])
+            core = self._predicted(many, physics, horizons, asked)
         return PredictionBatch(
-            scenarios=tuple(scenarios),
+            scenarios=many,
             frame=frame,
             time_s=time_s,
             counts=counts,
             trajectory=core.trajectory,
             prior_name=self.model.prior.name,
             prior=core.prior,
-            domain=self.domain.judge_many(slopes, physics.mass_kg, physics.torque_nm, horizons),
+            domain=self.domain.judge_many(many.slope_deg, physics.mass_kg, physics.torque_nm, horizons),
             summaries=core.summaries,
             band=core.band,
         )
@@ -277,7 +277,8 @@ class Twin:
         """
         if self.doubt is None:
             return None
-        physics, horizons = as_physics(scenarios), np.array([scenario.horizon_s for scenario in scenarios])
+        many = ManyScenarios.of(scenarios)
+        physics, horizons = many.as_physics(), many.horizon_s
         end = ends_of(self.offset_model, physics, horizons)
         seen = self.model.positions(physics, self.doubt.look_s).x_m
         return self.doubt.probabilities(self.offset_model, physics, horizons, end, seen)

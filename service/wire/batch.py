@@ -16,7 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 
 from service.errors import InvalidValueError
 from service.physics.scenario import Array
-from service.twin import Scenario
+from service.settings import LIMITS
+from service.twin import ManyScenarios
 from service.wire.faults import (
     InputFault,
     InvalidInputError,
@@ -39,6 +40,10 @@ BATCH_WORDS = {name: ALLOWED[name] for name in (*_OF_SCENARIO, *_SHARED)} | {
 """What each field of a batch allows."""
 _SCENARIO_WORDS = {name: ALLOWED[name] for name in _OF_SCENARIO}
 _BODY_FIELDS = ("scenarios", *_SHARED)
+_NUMBERS = frozenset({float, int})  # of JSON, without true and false
+_LOWEST, _HIGHEST = np.array(
+    [(-LIMITS.slope_deg, LIMITS.slope_deg), LIMITS.mass_kg, LIMITS.torque_nm, LIMITS.horizon_s], dtype=np.float64
+).T
 _STAND_IN = {"slope_deg": 0.0, "mass_kg": 100.0, "torque_nm": 0.0}
 
 
@@ -93,7 +98,7 @@ class BatchQuestion:
     """
 
     shared: PredictionInputs
-    scenarios: tuple[Scenario, ...]
+    scenarios: ManyScenarios
     indices: npt.NDArray[np.intp]
     failures: Mapping[int, Exception]
     times_s: Array | None
@@ -107,7 +112,7 @@ class BatchQuestion:
         if self.times_s is not None:
             require_few_times(len(self.times_s), len(self.scenarios), max_points)
             return self.times_s
-        horizons = [each.horizon_s for each in self.scenarios]
+        horizons = self.scenarios.horizon_s.tolist()
         return bounded_grid(horizons, self.shared.dt_s, max_points) if horizons else np.empty(0)
 
 
@@ -132,29 +137,49 @@ def read_batch(document: object) -> BatchQuestion:
     except ValidationError as error:
         raise InvalidInputError(*_faults(error, BATCH_WORDS)) from error
     times = shared.sampled()[1] if shared.times_s else None
-    good, failures = _checked(sent)
+    places, values, failures = _checked(sent)
     if times is not None:
         horizon = float(times[-1])
-        for at, each in good.items():
-            if "horizon_s" in each.model_fields_set and each.horizon_s != horizon:
+        for at, own in zip(places, values[:, 3].tolist(), strict=True):
+            if "horizon_s" in sent[at] and own != horizon:
                 allowed = f"the last of times_s, which is {horizon:.12g}"
-                failures[at] = InvalidValueError("horizon_s", each.horizon_s, allowed)
-        good = {at: each for at, each in good.items() if at not in failures}
-    scenarios = tuple(
-        Scenario(each.slope_deg, each.mass_kg, each.torque_nm, each.horizon_s if times is None else horizon)
-        for each in good.values()
-    )
-    return BatchQuestion(shared, scenarios, np.array(list(good), dtype=np.intp), failures, times)
+                failures[at] = InvalidValueError("horizon_s", own, allowed)
+        left = [row for row, at in enumerate(places) if at not in failures]
+        places, values = [places[row] for row in left], values[left]
+        values[:, 3] = horizon
+    scenarios = ManyScenarios(*np.ascontiguousarray(values.T))
+    return BatchQuestion(shared, scenarios, np.array(places, dtype=np.intp), failures, times)
 
 
-def _checked(sent: list[Any]) -> tuple[dict[int, BatchScenario], dict[int, Exception]]:
-    """The scenarios that can be, by their place, and what is wrong with the others."""
-    try:
-        return dict(enumerate(_scenarios.validate_python(sent))), {}
-    except ValidationError:
-        failures = _failures(sent)
+def _checked(sent: list[Any]) -> tuple[list[int], Array, dict[int, Exception]]:
+    """The places of the scenarios that can be, their values (scenario, 4), and what is wrong with the others."""
+    values = _values(sent)
+    if values is not None:
+        return list(range(len(sent))), values, {}
+    failures = _failures(sent)
     left = [at for at in range(len(sent)) if at not in failures]
-    return dict(zip(left, _scenarios.validate_python([sent[at] for at in left]), strict=True)), failures
+    values = _values([sent[at] for at in left])
+    assert values is not None
+    return left, values, failures
+
+
+def _values(sent: list[Any]) -> Array | None:
+    """The fields of scenarios, (scenario, 4). None if one of them is not what `BatchScenario` takes."""
+    try:
+        rows = [
+            (each["slope_deg"], each["mass_kg"], each["torque_nm"], each["horizon_s"])
+            if len(each) == 4
+            else (each["slope_deg"], each["mass_kg"], each["torque_nm"], HORIZON_S)
+            if len(each) == 3
+            else ()
+            for each in sent
+        ]
+        kinds = {type(value) for row in rows for value in row}
+        values = np.array(rows, dtype=np.float64).reshape(len(sent), 4)
+    except (LookupError, TypeError, ValueError, OverflowError):
+        return None
+    fits = kinds <= _NUMBERS and ((values >= _LOWEST) & (values <= _HIGHEST)).all()
+    return values if fits else None
 
 
 def _failures(sent: list[Any]) -> dict[int, Exception]:

@@ -21,11 +21,11 @@ from service.physics.scenario import Array
 from service.twin import NonFiniteError
 
 PATH = Path(__file__).with_name("native") / "libdigits.so"
-INTERFACE = 1  # DIGITS_INTERFACE of native/digits.h
+INTERFACE = 2  # DIGITS_INTERFACE of native/digits.h
 MOST_COLUMNS = 32  # DIGITS_MOST_COLUMNS
 MOST_DECIMALS = 15  # DIGITS_MOST_DECIMALS
-_WIDEST, _SLACK = 20, 64  # DIGITS_WIDEST, DIGITS_SLACK
-_READ_BEHIND = bytes(16)  # what may be read behind a text
+WIDEST, _SLACK = 20, 64  # DIGITS_WIDEST, DIGITS_SLACK
+READ_BEHIND = bytes(16)  # what may be read behind a text
 _KEPT_ROOMS, _FIRST_BYTES, _KEPT_BYTES = (
     4,
     1 << 16,
@@ -33,26 +33,27 @@ _KEPT_ROOMS, _FIRST_BYTES, _KEPT_BYTES = (
 )  # memory that is kept for the next text: asking for it takes as long as writing
 _REMEDY = "run `pip install .` (or `pip install --editable .`, or `make run`) again in the checkout: that compiles it"
 
-_INTEGER, _POINTER = ctypes.c_int64, ctypes.c_void_p
+INTEGER, POINTER = ctypes.c_int64, ctypes.c_void_p
 
 
 class _Column(ctypes.Structure):
     """`digits_column`."""
 
-    _fields_: ClassVar = [("values", _POINTER), ("text", _POINTER), ("decimals", _INTEGER), ("point", _INTEGER)]
+    _fields_: ClassVar = [("values", POINTER), ("text", POINTER), ("decimals", INTEGER), ("point", INTEGER)]
 
 
-class _Piece(ctypes.Structure):
+class Piece(ctypes.Structure):
     """`digits_piece`."""
 
-    _fields_: ClassVar = [("text", ctypes.c_char_p), ("size", _INTEGER)]
+    _fields_: ClassVar = [("text", ctypes.c_char_p), ("size", INTEGER)]
 
 
 _ARGUMENTS: dict[str, list[type]] = {
     "digits_interface": [],
-    "digits_list": [_POINTER, _INTEGER, _INTEGER, _POINTER],
-    "digits_lists": [_POINTER, _INTEGER, _INTEGER, _POINTER, _INTEGER, _POINTER],
-    "digits_table": [_POINTER, _POINTER, _INTEGER, _INTEGER, _POINTER],
+    "digits_lines": [POINTER, POINTER, INTEGER, INTEGER, INTEGER, POINTER],
+    "digits_list": [POINTER, INTEGER, INTEGER, POINTER],
+    "digits_lists": [POINTER, INTEGER, INTEGER, POINTER, INTEGER, POINTER],
+    "digits_table": [POINTER, POINTER, INTEGER, INTEGER, POINTER],
 }
 
 
@@ -63,7 +64,7 @@ def library() -> ctypes.CDLL:
         loaded = ctypes.CDLL(str(PATH))
         for name, arguments in _ARGUMENTS.items():
             function = getattr(loaded, name)
-            function.argtypes, function.restype = arguments, _INTEGER
+            function.argtypes, function.restype = arguments, INTEGER
     except (OSError, AttributeError) as error:
         raise ImportError(f"the compiled library {PATH} cannot be loaded ({error}): {_REMEDY}") from error
     if (found := loaded.digits_interface()) != INTERFACE:
@@ -81,7 +82,7 @@ class Texts:
     @classmethod
     def of(cls, values: npt.NDArray[Any], *, point: bool = True) -> Texts:
         """Numbers with all their digits, (row,). Raises NonFiniteError."""
-        text = _in_full(np.ascontiguousarray(values))[1:-1] + b"," * bool(len(values))
+        text = in_full(np.ascontiguousarray(values))[1:-1] + b"," * bool(len(values))
         return cls(text if point else text.replace(b".0,", b","), len(values))
 
 
@@ -126,30 +127,30 @@ class Writer:
 
     def raw(self, text: bytes) -> None:
         """Bytes as they are."""
-        self._for(len(text))
+        self.room_for(len(text))
         self._room.view[self._size : self._size + len(text)] = text
         self._size += len(text)
 
     def column(self, values: Array, decimals: int) -> None:
         """[1.5,2.0] of shape (n,)."""
-        flat = _contiguous(values)
-        at = self._for(flat.size * _WIDEST)
-        size = library().digits_list(_address(flat), flat.size, decimals, at)
+        flat = contiguous(values)
+        at = self.room_for(flat.size * WIDEST)
+        size = library().digits_list(address_of(flat), flat.size, decimals, at)
         if size < 0:
-            self.raw(_in_full(flat))
+            self.raw(in_full(flat))
         else:
             self._size += size
 
     def rows(self, values: Array, decimals: int, counts: npt.NDArray[np.intp] | None = None) -> None:
         """[[1.5,2.0],[3.25]] of shape (row, n): of each row the first `counts[row]`, shape (row,), all without them."""
         rows, width = values.shape
-        flat, own = _contiguous(values), None if counts is None else np.ascontiguousarray(counts, dtype=np.int64)
-        at = self._for(flat.size * _WIDEST + 3 * rows)
-        told = None if own is None else _address(own)
-        size = library().digits_lists(_address(flat), rows, width, told, decimals, at)
+        flat, own = contiguous(values), None if counts is None else np.ascontiguousarray(counts, dtype=np.int64)
+        at = self.room_for(flat.size * WIDEST + 3 * rows)
+        told = None if own is None else address_of(own)
+        size = library().digits_lists(address_of(flat), rows, width, told, decimals, at)
         if size < 0:
             lists = [row[:count] for row, count in zip(flat, [width] * rows if own is None else own, strict=True)]
-            self.raw(b"[%b]" % b",".join(map(_in_full, lists)))
+            self.raw(b"[%b]" % b",".join(map(in_full, lists)))
         else:
             self._size += size
 
@@ -161,11 +162,11 @@ class Writer:
         """
         if len(columns) > MOST_COLUMNS or len(pieces) != len(columns) + 1:
             raise ValueError(f"{len(columns)} columns and {len(pieces)} pieces are no table")
-        told, parts = (_Column * len(columns))(), (_Piece * len(pieces))()
+        told, parts = (_Column * len(columns))(), (Piece * len(pieces))()
         kept = [_tell(column, place, rows) for column, place in zip(columns, told, strict=True)]
         for piece, part in zip(pieces, parts, strict=True):
-            part.text, part.size = piece + _READ_BEHIND, len(piece)
-        at = self._for(rows * sum(map(len, pieces)) + sum(map(_most, columns)))
+            part.text, part.size = piece + READ_BEHIND, len(piece)
+        at = self.room_for(rows * sum(map(len, pieces)) + sum(map(_most, columns)))
         size = library().digits_table(ctypes.addressof(told), ctypes.addressof(parts), len(columns), rows, at)
         del kept
         if size < 0:
@@ -173,13 +174,17 @@ class Writer:
         else:
             self._size += size
 
-    def _for(self, more: int) -> int:
-        """Where there is room for so many bytes more."""
+    def room_for(self, more: int) -> int:
+        """Where there is room for so many bytes more; `wrote` says how many of them there are then."""
         if (needed := self._size + more + _SLACK) > self._room.bytes:
             room = _Room(max(needed, 2 * self._room.bytes))
             room.view[: self._size] = self._room.view[: self._size]
             self._room = room
         return self._room.address + self._size
+
+    def wrote(self, size: int) -> None:
+        """So many bytes are at `room_for` now."""
+        self._size += size
 
 
 _rooms: list[_Room] = []
@@ -208,7 +213,7 @@ def table_text(columns: Sequence[Rounded | Texts], pieces: Sequence[bytes], rows
 
 def _most(column: Rounded | Texts) -> int:
     """How many bytes it takes."""
-    return len(column.text) if isinstance(column, Texts) else column.values.size * _WIDEST
+    return len(column.text) if isinstance(column, Texts) else column.values.size * WIDEST
 
 
 def _tell(column: Rounded | Texts, at: _Column, rows: int) -> object:
@@ -216,13 +221,13 @@ def _tell(column: Rounded | Texts, at: _Column, rows: int) -> object:
     if isinstance(column, Texts):
         if column.count != rows:
             raise ValueError(f"a column of {column.count} texts is not one of {rows} rows")
-        text = column.text + _READ_BEHIND
-        at.text = ctypes.cast(ctypes.c_char_p(text), _POINTER)
+        text = column.text + READ_BEHIND
+        at.text = ctypes.cast(ctypes.c_char_p(text), POINTER)
         return text
-    flat = _contiguous(column.values)
+    flat = contiguous(column.values)
     if flat.shape != (rows,) or not 0 <= column.decimals <= MOST_DECIMALS:
         raise ValueError(f"a column of shape {flat.shape} with {column.decimals} decimals is not one of {rows} rows")
-    at.values, at.decimals, at.point = _address(flat), column.decimals, column.point
+    at.values, at.decimals, at.point = address_of(flat), column.decimals, column.point
     return flat
 
 
@@ -231,18 +236,19 @@ def _as_texts(column: Rounded | Texts) -> Texts:
     return column if isinstance(column, Texts) else Texts.of(column.values, point=column.point)
 
 
-def _in_full(values: npt.NDArray[Any]) -> bytes:
+def in_full(values: npt.NDArray[Any]) -> bytes:
     """A JSON list of numbers with all their digits. Raises NonFiniteError."""
     if not np.isfinite(values).all():
         raise NonFiniteError("a number is not finite: the answer was not sent")
     return orjson.dumps(values, option=orjson.OPT_SERIALIZE_NUMPY)
 
 
-def _contiguous(array: Array) -> Array:
+def contiguous(array: Array) -> Array:
+    """The same numbers as float64 in one piece."""
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def _address(array: npt.NDArray[Any]) -> int:
+def address_of(array: npt.NDArray[Any]) -> int:
     """Where a contiguous array lies, which must be kept as long as that is used."""
     if array.flags.writeable and array.size:
         return ctypes.addressof(_Byte.from_buffer(array.data))  # three times as fast

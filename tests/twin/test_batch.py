@@ -164,7 +164,7 @@ def test_what_has_no_finite_answer_stops_nothing_else(banded, bad):
     assert rows.tolist() == [row for row in range(10) if row not in bad]
     assert (batch is None) == (len(bad) == 10)
     if batch is not None:
-        assert batch.scenarios == tuple(scenarios[row] for row in rows)
+        assert tuple(batch.scenarios) == tuple(scenarios[row] for row in rows)
         assert_same(batch[-1], banded.predict(scenarios[rows[-1]], times[rows[-1]]), 1e-9)
     assert len(calls) <= (2 + 8 * len(bad) if bad else 1)
 

@@ -18,6 +18,7 @@ from service.wire.digits import MOST_COLUMNS, Rounded, Texts, list_text, lists_t
 from service.wire.forms.arrow import stream_of
 from service.wire.forms.npz import archive_of
 from service.wire.kept import kept
+from service.wire.lines import Cells, Lines, Lists
 from tests.digits import HALF
 
 LARGEST = 2.0**51  # in units of the last decimal
@@ -227,3 +228,26 @@ def test_what_is_kept_is_of_arrays_that_cannot_change():
         other = np.full(4, float(size))
         other.flags.writeable = False
         assert total(other) == 4.0 * size
+
+
+@given(data=st.data(), rows=st.integers(1, 9), width=st.integers(0, 70), kinds=st.lists(st.booleans(), max_size=5))
+def test_lines_are_their_places_between_their_pieces(data, rows, width, kinds):
+    random = np.random.default_rng(data.draw(st.integers(0, 2**32)))
+    around = data.draw(st.lists(pieces, min_size=len(kinds) + 1, max_size=len(kinds) + 1))
+    places, texts = [], []
+    for listed in kinds:
+        if listed:
+            values, counts = random.normal(size=(rows, width)), random.integers(0, width + 1, rows)
+            places.append(Lists(values, counts, 7))
+            texts.append([list_text(row[:count], 7) for row, count in zip(values, counts, strict=True)])
+        else:
+            texts.append(data.draw(st.lists(pieces, min_size=rows, max_size=rows)))
+            places.append(Cells.of(texts[-1]))
+    lines = [
+        b"".join(piece + text for piece, text in zip(around, [*row, b""], strict=True))
+        for row in (zip(*texts, strict=True) if kinds else [()] * rows)
+    ]
+    first = data.draw(st.integers(0, rows))
+
+    assert Lines(places, around).text(slice(first, rows)) == b"".join(lines[first:])
+    assert Cells.listed(b"[1.5,null,true]").in_row(1) == b"null"

@@ -154,10 +154,9 @@ def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded, count: Cou
 
     def predict(rows: Index) -> PredictionBatch:
         times = time_s if time_s.ndim == 1 else time_s[rows]
-        scenarios = [question.scenarios[row] for row in rows.tolist()]
         began = time.perf_counter()
         found = twin.predict_many(
-            scenarios,
+            question.scenarios.only(rows),
             times,
             shared.frame,
             shared.wanted_band_level,

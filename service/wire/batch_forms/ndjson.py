@@ -1,69 +1,53 @@
-"""A batch as lines of JSON, one for each scenario or drive in the order they were sent: read one, then the next."""
+"""A batch as lines of JSON, one for each scenario or drive in the order sent: a client reads the first at once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 
 import orjson
 
 from service.wire.batch_forms.subject import BatchWritable
-from service.wire.forms.numbers import (
-    column_text,
-    dump,
-    dump_finite,
-    require_finite,
-    require_finite_tables,
-    row_texts,
-)
-from service.wire.forms.subject import ColumnTexts
+from service.wire.forms.numbers import dump, require_finite, require_finite_tables
+from service.wire.lines import Cells, Lines, Lists
 
-_CHUNK_BYTES, _CHUNK_NUMBERS = 1 << 16, 1 << 14
+_CHUNK_NUMBERS = 1 << 14
+_OPTIONS = orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_PASSTHROUGH_DATACLASS
 
 
 def batch_lines(subject: BatchWritable) -> Iterator[bytes]:
     """Each line is what the single route answers to it, with its `index` first; or that and its problem.
 
-    The lines of about 64 KiB come together.
+    Some lines come together, up to some hundred kilobytes.
     """
-    waiting = bytearray()
-    for line in _lines(subject):
-        waiting += line
-        waiting += b"\n"
-        if len(waiting) >= _CHUNK_BYTES:
-            yield bytes(waiting)
-            waiting.clear()
-    yield bytes(waiting)
-
-
-def _lines(subject: BatchWritable) -> Iterator[bytes]:
     require_finite_tables(subject.tables(), "answer")
     require_finite(subject.extras(), "answer")
-    failures = {int(each["index"]): each for each in subject.failures}
-    rows = enumerate(_texts(subject))
-    for index in sorted((*failures, *subject.indices.tolist())):
-        if index in failures:
-            yield dump(failures[index])
-        else:
-            row, texts = next(rows)  # they come in the order of `indices`, which rise
-            yield b'{"index":%d,' % index + dump_finite(subject.one(row).answer(texts))[1:]
+    failures = {int(each["index"]): dump(each) + b"\n" for each in subject.failures}
+    indices = subject.indices.tolist()
+    lines = lines_of(subject) if indices else None
+    some = max(1, _CHUNK_NUMBERS // max(1, subject.time_s().shape[-1] * len(subject.columns())))
+    for begin in range(0, len(indices), some):
+        rows = slice(begin, min(begin + some, len(indices)))
+        text = lines.text(rows) if lines else b""
+        between = [at for at in failures if at < indices[rows.stop - 1]]
+        yield _merged(text, indices[rows], {at: failures.pop(at) for at in between}) if between else text
+    if failures:
+        yield b"".join(failures[at] for at in sorted(failures))
 
 
-def _texts(subject: BatchWritable) -> Iterator[ColumnTexts]:
-    """The columns of one row after the other; those of some rows are written at once."""
-    counts, time, groups = subject.counts(), subject.time_s(), subject.groups()
-    some = max(1, _CHUNK_NUMBERS // max(1, time.shape[-1]))
-    for begin in range(0, len(counts), some):
-        part = slice(begin, begin + some)
-        own = counts[part]
-        times = [column_text("time_s", time)] * len(own) if time.ndim == 1 else row_texts("time_s", time[part], own)
-        named = {
-            group: {name: row_texts(name, values[part], own) for name, values in columns.items()}
-            for group, columns in groups.items()
-        }
-        named["trajectory"] = {"time_s": times, **named["trajectory"]}
-        for row in range(len(own)):
-            yield {group: _of_row(columns, row) for group, columns in named.items()}
+def _merged(text: bytes, indices: list[int], failures: dict[int, bytes]) -> bytes:
+    """The lines of `text`, which have these indices, and the others in their order."""
+    every = failures | dict(zip(indices, text.splitlines(keepends=True), strict=True))
+    return b"".join(every[at] for at in sorted(every))
 
 
-def _of_row(columns: Mapping[str, Sequence[orjson.Fragment]], row: int) -> dict[str, orjson.Fragment]:
-    return {name: texts[row] for name, texts in columns.items()}
+def lines_of(subject: BatchWritable) -> Lines:
+    """The lines of those that could be answered, of which there is one at least."""
+    places: list[Lists | Cells] = []
+
+    def placed(column: object) -> orjson.Fragment:
+        assert isinstance(column, Lists | Cells)
+        places.append(column)
+        return orjson.Fragment(b"\0")  # JSON has none of its own: in texts it is escaped
+
+    whole = orjson.dumps(subject.answers(), default=placed, option=_OPTIONS)
+    return Lines(places, (whole + b"\n").split(b"\0"))

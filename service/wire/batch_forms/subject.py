@@ -12,7 +12,10 @@ import numpy.typing as npt
 from service.learning.domain import FIELDS
 from service.physics.scenario import Array
 from service.twin import SPEED_NAMES, Frame, Loaded, PredictionBatch
+from service.wire.batch_forms.verdicts import verdict_cells
+from service.wire.forms.numbers import column_of_lines, column_text, dump_finite
 from service.wire.forms.subject import Subject, Writable, unit_of
+from service.wire.lines import Cells
 
 Column = npt.NDArray[Any] | Sequence[Any]
 _SCENARIO_FIELDS = ("slope_deg", "mass_kg", "torque_nm", "horizon_s")
@@ -68,6 +71,12 @@ class BatchWritable(Protocol):
 
     def about(self) -> dict[str, Any]:
         """Everything that is not by row or by time."""
+        ...
+
+    def answers(self) -> dict[str, Any]:
+        """What the single route answers to each, as one document with an `index`: where they differ, its values are
+        `Lists` and `Cells`. There is one at least.
+        """
         ...
 
     def one(self, row: int) -> Writable:
@@ -177,6 +186,22 @@ class BatchSubject:
         """None."""
         return {}
 
+    def answers(self) -> dict[str, Any]:
+        """`service.wire.prediction_answer.PredictionAnswer`. Raises ValueError where nothing could be answered."""
+        if self.batch is None:
+            raise ValueError("nothing could be answered")
+        about, tables = self.about(), self.tables()
+        groups = groups_of_lines(self, about)
+        return {
+            "index": _cells(self.indices),
+            "model": about["model"],
+            "scenario": {name: _cells(tables["scenarios"][name]) for name in _SCENARIO_FIELDS},
+            "frame": about["frame"],
+            **groups,
+            "domain": verdict_cells(self.batch.domain),
+            "summary": {name: _cells(column) for name, column in tables["summary"].items()},
+        }
+
     def one(self, row: int) -> Subject:
         """One of them alone. Raises IndexError where nothing could be answered."""
         if self.batch is None:
@@ -223,3 +248,19 @@ class BatchSubject:
 def _whole(column: Column) -> Column:
     """orjson wants arrays without gaps."""
     return np.ascontiguousarray(column) if isinstance(column, np.ndarray) else column
+
+
+def groups_of_lines(subject: BatchWritable, about: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The groups of a single answer with what `about` says of them, for lines; the trajectory is the first of them."""
+    counts, time = subject.counts(), subject.time_s()
+    times = column_text("time_s", time) if time.ndim == 1 else column_of_lines("time_s", time, counts)
+    found: dict[str, dict[str, Any]] = {"trajectory": {"time_s": times}}
+    for group, columns in subject.groups().items():
+        written = {name: column_of_lines(name, each, counts) for name, each in columns.items()}
+        found[group] = {**about.get(group, {}), **found.get(group, {}), **written}
+    return found
+
+
+def _cells(column: Column) -> Cells:
+    """Of a column whose values have no commas."""
+    return Cells.listed(dump_finite(column))

@@ -12,9 +12,11 @@ import numpy.typing as npt
 from service.physics.scenario import Array
 from service.twin import Frame, Loaded
 from service.twin.drives import Drive
-from service.wire.batch_forms.subject import Column
+from service.wire.batch_forms.subject import Column, groups_of_lines
 from service.wire.drives.subject import DriveSubject, domain_of, unit_of_drive
+from service.wire.forms.numbers import dump
 from service.wire.forms.subject import model_of
+from service.wire.lines import Cells
 
 _NUMBERS = (
     "motor_energy_j",
@@ -128,6 +130,19 @@ class DriveBatchSubject:
             "units": {name: unit_of_drive(name) for name in ("time_s", *self.columns())},
             "errors": self.failures,
             **band,
+        }
+
+    def answers(self) -> dict[str, Any]:
+        """`service.wire.drives.answer.DriveAnswer` of each, for lines."""
+        about, rest = self.about(), [self.one(row).rest() for row in range(len(self.drives))]
+        names = rest[0] if rest else ()
+        return {
+            "index": Cells.listed(dump(self.indices)),
+            "model": about["model"],
+            "drive": Cells.of([dump(self.one(row).echo()) for row in range(len(self.drives))]),
+            "frame": about["frame"],
+            **groups_of_lines(self, about),
+            **{name: Cells.of([dump(each[name]) for each in rest]) for name in names},
         }
 
     def one(self, row: int) -> DriveSubject:

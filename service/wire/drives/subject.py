@@ -69,9 +69,10 @@ class DriveSubject:
         }
         if drive.band is not None:
             answer["band"] = {"level": drive.band.level, **texts["band"]}
-        return answer | self._rest()
+        return answer | self.rest()
 
-    def _rest(self) -> dict[str, Any]:
+    def rest(self) -> dict[str, Any]:
+        """What stands behind the columns in the answer."""
         drive = self.drive
         return {
             "events": drive.events,
@@ -89,7 +90,7 @@ class DriveSubject:
             "drive": self.echo(),
             "frame": drive.frame.value,
             "units": {name: unit_of_drive(name) for name in self.columns()},
-            **self._rest(),
+            **self.rest(),
             **band,
         }
 

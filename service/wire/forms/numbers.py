@@ -19,6 +19,7 @@ from service.physics.scenario import Array
 from service.twin import NonFiniteError
 from service.wire.digits import Rounded, Texts, list_text, lists_text, table_text
 from service.wire.kept import kept
+from service.wire.lines import Cells, Lists
 
 DECIMALS = 7
 """Of a column that is computed."""
@@ -60,10 +61,11 @@ def columns_text(name: str, values: npt.NDArray[Any], counts: npt.NDArray[np.int
     return orjson.Fragment(_lists(name, values, counts))
 
 
-def row_texts(name: str, values: npt.NDArray[Any], counts: npt.NDArray[np.intp]) -> list[orjson.Fragment]:
-    """The same, each row for itself."""
-    rows = _lists(name, values, counts)[2:-2].split(b"],[") if len(values) else []
-    return [orjson.Fragment(b"[%b]" % row) for row in rows]
+def column_of_lines(name: str, values: npt.NDArray[Any], counts: npt.NDArray[np.intp]) -> Lists | Cells:
+    """A column (row, time), of which each line has its row: the first `counts`, (row,). Raises NonFiniteError."""
+    if _is_decimal(name, values):
+        return Lists(values, counts, DECIMALS)
+    return Cells.of([b"[%b]" % row for row in _lists(name, values, counts)[2:-2].split(b"],[")])
 
 
 def _lists(name: str, values: npt.NDArray[Any], counts: npt.NDArray[np.intp]) -> bytes:

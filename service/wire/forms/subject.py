@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import orjson
 
-from service.learning.domain import DomainVerdict
+from service.learning.domain import DomainReason, DomainVerdict
 from service.physics.frames import slope_to_world
 from service.physics.scenario import Array
 from service.twin import Frame, Loaded, Prediction
@@ -248,7 +248,12 @@ def domain_document(verdict: DomainVerdict) -> dict[str, Any]:
     """The verdict as every answer shows it; for orjson, which writes the runs' dataclasses as objects."""
     return {
         "inside": verdict.inside,
-        "reasons": [asdict(reason) | {"detail": reason.detail} for reason in verdict.reasons],
+        "reasons": reasons_document(verdict.reasons),
         "distance": verdict.distance,
         "nearest_runs": verdict.nearest_runs,
     }
+
+
+def reasons_document(reasons: Iterable[DomainReason]) -> list[dict[str, Any]]:
+    """What is outside, each with its sentence."""
+    return [asdict(reason) | {"detail": reason.detail} for reason in reasons]

@@ -64,11 +64,16 @@ int64_t digits_lists(const double *values, int64_t rows, int64_t width, const in
     return at - to;
 }
 
+static inline char *bytes(char *to, const char *from, int64_t size)
+{
+    for (int64_t i = 0; i < size; i += 16)
+        memcpy(to + i, from + i, 16);
+    return to + size;
+}
+
 static inline char *piece(char *to, const digits_piece *piece)
 {
-    for (int64_t i = 0; i < piece->size; i += 16)
-        memcpy(to + i, piece->text + i, 16);
-    return to + piece->size;
+    return bytes(to, piece->text, piece->size);
 }
 
 /* The bytes of a word that are commas, as their highest bits; the first of them is right, and that is what is asked. */
@@ -135,6 +140,31 @@ int64_t digits_table(const digits_column *columns, const digits_piece *pieces, i
             if (!columns[k].text && !whole(columns[k].values + begin, size, columns[k].decimals, states[k].numbers))
                 return -1;
         at = lines(columns, states, pieces, count, size, at);
+    }
+    return at - to;
+}
+
+static char *placed(char *to, const digits_place *place, int64_t row)
+{
+    if (place->values) {
+        int64_t count = place->counts ? place->counts[row] : place->width;
+        return bracketed(place->values + row * place->width, count, place->decimals, to);
+    }
+    int64_t begin = row ? place->ends[row - 1] + 1 : 0;
+    return bytes(to, place->text + begin, place->ends[row] - begin);
+}
+
+int64_t digits_lines(const digits_place *places, const digits_piece *pieces, int64_t count, int64_t first, int64_t rows,
+                     char *to)
+{
+    char *at = to;
+    for (int64_t row = first; row < first + rows; row++) {
+        for (int64_t k = 0; k < count; k++) {
+            at = placed(piece(at, pieces + k), places + k, row);
+            if (!at)
+                return -1;
+        }
+        at = piece(at, pieces + count);
     }
     return at - to;
 }

@@ -8,7 +8,7 @@ There is no minus before a zero. */
 
 #include <stdint.h>
 
-#define DIGITS_INTERFACE 1 /* whatever changes below changes this */
+#define DIGITS_INTERFACE 2 /* whatever changes below changes this */
 #define DIGITS_MOST_DECIMALS 15
 #define DIGITS_WIDEST 20 /* bytes of a number: 16 digits, or a zero and 15 decimals; sign, point, and a comma */
 #define DIGITS_MOST_COLUMNS 32
@@ -28,7 +28,23 @@ typedef struct {
     int64_t size;
 } digits_piece;
 
+/* What a line has in one place. With `values`: a list of row `i`, the first `counts[i]` of its `width` numbers, or all
+without counts. Else the text of row `i`, which is before the comma at `ends[i]` and behind the one at `ends[i - 1]`;
+sixteen bytes more must be there to be read. */
+typedef struct {
+    const double *values;
+    const int64_t *counts;
+    const char *text;
+    const int64_t *ends;
+    int64_t width, decimals;
+} digits_place;
+
 int64_t digits_interface(void);
+
+/* Writes the lines from row `first` on: of each the pieces with its places between them. Returns what `digits_table`
+does, for any number of places. */
+int64_t digits_lines(const digits_place *places, const digits_piece *pieces, int64_t count, int64_t first, int64_t rows,
+                     char *to);
 
 /* Writes `rows` lines of `count` columns and `count + 1` pieces. Returns how many bytes, or -1 for a number that is none
 or so large that its last decimal cannot be told (2^51 of them), and for more than DIGITS_MOST_COLUMNS columns. */
