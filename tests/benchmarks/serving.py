@@ -55,7 +55,7 @@ def _measured(asked: argparse.Namespace) -> tuple[list[str], list[Bar]]:
             if "batch" in wanted:
                 found.append(batches.measure(ours, floors, alone, max(5, asked.repeats // 10), asked.seconds))
     if "eager" in wanted:
-        found.append(comparison.measure(max(5, asked.repeats // 10)))
+        found.append(comparison.measure(max(5, asked.repeats // 10), asked.seconds, asked.rounds))
     if "start" in wanted:
         found.append(starts.measure(2 if asked.quick else 5))
     return [text for text, _ in found], [bar for _, bars in found for bar in bars]
