@@ -142,7 +142,10 @@ class PaperCorrection:
         line = self.layers.line(others)
         worth_it = len(seen) >= _WORTH_A_POLYGON and seen.min() >= -1.0
         polygon = line.polygon(-1.0, 1.0, _MOST_CORNERS) if worth_it else None  # whole, whichever times are asked
-        return line.at(seen) if polygon is None else polygon.at(seen)
+        if polygon is not None:
+            return polygon.at(seen)
+        distinct, places = np.unique(seen, return_inverse=True)  # a summary asks for many of the times shown
+        return line.at(distinct)[:, places]
 
 
 @dataclass(frozen=True, eq=False)
