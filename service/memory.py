@@ -15,7 +15,7 @@ from contextlib import contextmanager
 
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -2, -3, -8  # of malloc.h
 _ARENAS = 1  # threads seldom allocate at once: nearly all of it happens under the interpreter lock
-_OWN_PAGES_BYTES = 1 << 20  # blocks from there on have pages of their own, which go back at once
+_OWN_PAGES_BYTES = 8 << 20  # blocks from there on have pages of their own, which go back at once: a batch has none
 # What the arena keeps of freed memory, and how much more it asks for than it needs, which costs nothing until it is
 # used. Without them a request for a thousand rovers takes 2,000 pages from the system and gives them back: 8 of 30 ms.
 _KEPT_BYTES, _AHEAD_BYTES = 16 << 20, 8 << 20
