@@ -18,12 +18,12 @@ def encode_batch_usda(subject: BatchWritable, placement: Placement = PLAIN) -> b
     if not indices:
         return Layer(about, "no rover could be predicted", 1.0, 0.0, 0.0).text({}, placement).encode()
     rows = [subject.one(row) for row in range(len(indices))]
-    times = [row.columns()["time_s"] for row in rows]
-    everything = np.unique(np.concatenate(times))
+    shared, counts = subject.time_s(), subject.counts()
+    everything = shared if shared.ndim == 1 else np.unique(shared)
     rate, codes = time_codes(everything)
     prims, samples = {}, Samples()
     for number, path in enumerate(fleet_paths(placement, indices)):
-        own = codes[np.searchsorted(everything, times[number])]
+        own = codes if shared.ndim == 1 else codes[np.searchsorted(everything, shared[number, : counts[number]])]
         prims[path] = rover(rows[number], rows[number].stage(), placement.beside(indices[number]), path, own, samples)
     doc = f"{len(prims)} rovers, by their index among those asked for; each as in a layer of one"
     return samples.written(Layer(about, doc, rate, codes[0], codes[-1]).text(prims, placement))
