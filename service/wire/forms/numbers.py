@@ -50,7 +50,7 @@ def is_rounded(name: str, values: npt.NDArray[Any]) -> bool:
 def column_text(name: str, values: npt.NDArray[Any]) -> orjson.Fragment:
     """A column (time,) of an answer as a JSON list. Raises NonFiniteError."""
     if name == "time_s":
-        return orjson.Fragment(b"[%b]" % times_texts(values).text[:-1])
+        return orjson.Fragment(_times_list(values))
     if _is_decimal(name, values):
         return orjson.Fragment(list_text(values, DECIMALS))
     return orjson.Fragment(dump(np.ascontiguousarray(values)))
@@ -100,6 +100,12 @@ def _is_decimal(name: str, values: npt.NDArray[Any]) -> bool:
 def times_texts(times: Array) -> Texts:
     """Times with all their digits."""
     return _texts(times, point=True)
+
+
+@kept
+def _times_list(times: Array) -> bytes:
+    """The same as a JSON list."""
+    return b"[%b]" % times_texts(times).text[:-1]
 
 
 @kept
