@@ -190,3 +190,19 @@ def test_no_scenarios_and_no_times_have_no_corrections():
 def test_an_unknown_architecture_is_refused_by_name():
     with pytest.raises(ValueError, match="allowed is one of paper_network, zero"):
         make_correction("os.system", {}, {})
+
+
+@pytest.mark.parametrize("count", [5, 500])
+def test_units_that_are_no_number_are_not_taken_for_units_that_are_off(count):
+    _, correction = changed(lambda _name, tensor: tensor.mul_(3e37))
+    times = np.linspace(-1, 1, count)[None]
+    others = np.zeros((1, INPUTS - 1))
+    others[0, 0] = 1e300  # the first layer is infinite, the second one infinity minus infinity
+    assert np.isinf(correction.metres(others, times)).all()
+
+
+def test_times_that_are_asked_twice_get_the_same_bits():
+    correction, few = residual().correction(), np.linspace(-1, 1, 50)
+    twice = correction.metres(columns(1), np.concatenate([few, few[::-1]])[None])
+    np.testing.assert_array_equal(twice[:, :, :50], correction.metres(columns(1), few[None]))
+    np.testing.assert_array_equal(twice[:, :, 50:], twice[:, :, 49::-1])
