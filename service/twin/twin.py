@@ -164,8 +164,7 @@ class Twin:
         answer, and ValueError for times that do not fit the scenarios or for no scenarios.
         """
         many = ManyScenarios.of(scenarios)
-        horizons, physics = many.horizon_s, many.as_physics()
-        counts = _own_samples(time_s, horizons)
+        horizons, physics, counts = many.horizon_s, many.as_physics(), _own_samples(time_s, many.horizon_s)
         asked = Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
         with span_of("predict", self, len(scenarios)):
             core = self._predicted(many, physics, horizons, asked)
