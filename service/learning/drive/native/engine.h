@@ -147,7 +147,7 @@ typedef struct {
 
 /* What the whole way of each scenario comes to, told by ROVER_WHOLE_PARTS even parts of its horizon: x where the last
  * quarter begins and at the end, height there, the path's length, mean speed of all wheels (rad/s), and x at up to two
- * looks; (ROVER_WHOLE, scenario). */
+ * looks; (ROVER_WHOLE, scenario). Height and path are 0 under a law without heights. */
 enum {
     ROVER_WHOLE_LATE, ROVER_WHOLE_END, ROVER_WHOLE_HEIGHT, ROVER_WHOLE_PATH, ROVER_WHOLE_WHEELS, ROVER_WHOLE_SEEN,
     ROVER_WHOLE = ROVER_WHOLE_SEEN + 2

@@ -239,8 +239,10 @@ TARGET static double NAME(begin_whole)(NAME(whole_way) *whole, const rover_lanes
     return last_s;
 }
 
-/* Adds the times of a cell that begins at `start_s`; of the last cell, all that are left. */
-TEXT void NAME(add_whole)(NAME(whole_way) *whole, const rover_wholes *asked, const STATE *state, double start_s, int last)
+/* Adds the times of a cell that begins at `start_s`; of the last cell, all that are left. Without `heights` nothing is
+ * said of them and of the path. */
+TEXT void NAME(add_whole)(NAME(whole_way) *whole, const rover_wholes *asked, int heights, const STATE *state,
+                          double start_s, int last)
 {
     const double parts = ROVER_WHOLE_PARTS, late = 0.75 * ROVER_WHOLE_PARTS;
     double limit = start_s + state->cell_s + same_time_s;
@@ -255,16 +257,18 @@ TEXT void NAME(add_whole)(NAME(whole_way) *whole, const rover_wholes *asked, con
             break;
         NUMBER within = NAME(within)(state, time - start_s);
         NAME(moved)(state, within, NAME(lost_at)(state->rate_per_s, within), per_rate_s, &x, &speed);
-        NUMBER height = state->height_m + rise * within, faster = speed - state->speed_m_s;
+        NUMBER faster = speed - state->speed_m_s;
         NUMBER wheels = (state->front_rad_s + state->front_by_speed * faster)
             + (state->rear_rad_s + state->rear_by_speed * faster);
-        NUMBER along = x - whole->x_m, up = height - whole->height_m;
-        whole->path_m = PICK(now, whole->path_m + NAME(root)(along * along + up * up), whole->path_m);
+        if (heights) {
+            NUMBER height = state->height_m + rise * within, along = x - whole->x_m, up = height - whole->height_m;
+            whole->path_m = PICK(now, whole->path_m + NAME(root)(along * along + up * up), whole->path_m);
+            whole->height_m = PICK(now, height, whole->height_m);
+        }
         whole->wheels = PICK(now, whole->wheels + wheels, whole->wheels);
         whole->last_wheels = PICK(now, wheels, whole->last_wheels);
         whole->late_m = PICK(now & (whole->part <= late), x, whole->late_m);
         whole->x_m = PICK(now, x, whole->x_m);
-        whole->height_m = PICK(now, height, whole->height_m);
         whole->part = PICK(now, whole->part, whole->part - 1.0);
     }
     for (; whole->looked < asked->looks && (last || asked->look_s[whole->looked] <= limit); whole->looked++) {
@@ -343,7 +347,7 @@ TARGET static void NAME(drive)(const rover_lanes *asked)
         NAME(write)(asked, &tile, &state, start, until_s, at);
         int last = !(start + length < last_s - same_time_s);
         if (asked->wholes)
-            NAME(add_whole)(&whole, asked->wholes, &state, start, last);
+            NAME(add_whole)(&whole, asked->wholes, asked->law->heights != NULL, &state, start, last);
         if (last)
             break;
         NAME(end_cell)(&place, &state, length, &end, 1);
