@@ -247,8 +247,9 @@ class _Known:
     def leading(self) -> npt.NDArray[np.intp]:
         """How many slopes, from the lowest on, are climbed, or taken for it, without a gap, (torque,)."""
         slopes = len(self._column)
-        before = np.maximum.accumulate(np.where(self.climbed, self._column, -slopes), axis=1)
-        after = np.minimum.accumulate(np.where(self.climbed, self._column, 2 * slopes)[:, ::-1], axis=1)[:, ::-1]
+        none = len(self._column) + self.apart  # further from all than is near
+        before = np.maximum.accumulate(np.where(self.climbed, self._column, -none), axis=1)
+        after = np.minimum.accumulate(np.where(self.climbed, self._column, 2 * none)[:, ::-1], axis=1)[:, ::-1]
         further = self._whole_m >= np.take_along_axis(self._whole_m, np.minimum(after, slopes - 1), axis=1)
         taken = ~self.looked & (after - before <= self.apart) & further
         return np.logical_and.accumulate(self.climbed | taken, axis=1).sum(axis=1)

@@ -108,6 +108,29 @@ TEXT void NAME(leave_ruts)(STATE *state, NUMBER before_m, NUMBER front_m)
     state->frontier_m = PICK(further, front_m, state->frontier_m);
 }
 
+TARGET static void NAME(begin_place)(PLACE *place, const rover_law *law)
+{
+    rover_place_begin(&place->one[0], law, law->parameters, law->heights);
+    for (int lane = 1; lane < LANES; lane++)
+        place->one[lane] = place->one[0];
+    place->law = law;
+    place->parameters = place->one[0].parameters;
+    place->per = place->one[0].per;
+    place->stall_summed = 0;
+}
+
+/* Makes what mass, slope and torque of a lane decide. */
+TARGET static void NAME(settle)(PLACE *place, int lane, double mass_kg, double slope_rad, double torque_nm)
+{
+    rover_place *of = &place->one[lane];
+    rover_place_at(of, mass_kg, slope_rad, torque_nm);
+    rover_place_driven(of, place->law->weights);
+    const double *from = (const double *)&of->ground;
+    double *to = (double *)&place->ground + lane;
+    for (size_t i = 0; i < sizeof of->ground / sizeof *from; i++)
+        to[i * LANES] = from[i];
+}
+
 /* The scenarios' places and their states at the start */
 TARGET static void NAME(begin)(PLACE *place, STATE *state, const rover_lanes *asked)
 {
@@ -118,24 +141,12 @@ TARGET static void NAME(begin)(PLACE *place, STATE *state, const rover_lanes *as
     for (int cell = 0; cell < ROVER_RUT_CELLS; cell++)
         for (int lane = 0; lane < LANES; lane++)
             state->ruts[cell][lane] = 1.0;
-    rover_place_begin(&place->one[0], law, law->parameters, law->heights);
-    place->law = law;
-    place->parameters = place->one[0].parameters;
-    place->per = place->one[0].per;
-    place->stall_summed = 0;
+    NAME(begin_place)(place, law);
     for (int lane = 0; lane < LANES; lane++) {
         const double *one = asked->scenarios + asked->row[lane < asked->lanes ? lane : 0];
-        rover_place *of = &place->one[lane];
-        if (lane)
-            *of = place->one[0];
-        rover_place_at(of, one[asked->count], one[0], one[2 * asked->count]);
-        rover_place_driven(of, law->weights);
+        NAME(settle)(place, lane, one[asked->count], one[0], one[2 * asked->count]);
         state->speed_m_s[lane] = one[3 * asked->count];
         state->offset[lane] = one[4 * asked->count];
-        const double *from = (const double *)&of->ground;
-        double *to = (double *)&place->ground + lane;
-        for (size_t i = 0; i < sizeof of->ground / sizeof *from; i++)
-            to[i * LANES] = from[i];
     }
     if (law->heights)
         state->height_m = NAME(height_of)(place, state, state->x_m, state->path_m, state->dig);
@@ -357,6 +368,3 @@ TARGET static void NAME(drive)(const rover_lanes *asked)
         NAME(write_whole)(asked, &whole);
     NAME(fill)(asked, at);
 }
-
-#undef JOINED
-#undef WITH_SUFFIX
