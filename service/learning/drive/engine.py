@@ -309,16 +309,12 @@ class Engine:
 
         `numbers` (rover, SIZE) and `inputs` (4, rover), slope (rad), torque, brake and duration, in one piece each.
         """
-        outputs = np.empty((OUTPUTS, len(numbers)))
-        along = None if track is None else track.compiled()
-        self._library.rover_step(
-            self._address,
-            len(numbers),
-            address(numbers),
-            address(inputs),
-            None if along is None else addressof(along),
-            address(outputs),
-        )
+        count, outputs = len(numbers), np.empty((OUTPUTS, len(numbers)))
+        rovers = self._address, count, address(numbers), address(inputs)
+        if track is None:
+            self._library.rover_step_fleet(*rovers, address(outputs))
+        else:
+            self._library.rover_step(*rovers, addressof(track.compiled()), address(outputs))
         return outputs
 
     def advance_one(self, numbers: int, inputs: int, outputs: int) -> None:

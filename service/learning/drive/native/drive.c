@@ -303,7 +303,7 @@ void rover_constant(const rover_law *law, int64_t count, const double *scenarios
     }
 }
 
-static void step_alone(rover_motion *motion, rover_state *state, int64_t count, const double *inputs)
+void rover_step_alone(rover_motion *motion, rover_state *state, int64_t count, const double *inputs)
 {
     rover_inputs with = {inputs[count], inputs[0], 0.0, inputs[2 * count] != 0.0};
     double duration = rover_held(inputs[3 * count], 0.0, ROVER_MOST_S);
@@ -318,12 +318,9 @@ void rover_step(const rover_law *law, int64_t count, rover_state *states, const 
     rover_motion motion;
     rover_motion_begin(&motion, law, law->parameters, law->weights, law->heights, track);
     rover_columns to = columns_of(outputs, count);
-    for (int64_t i = 0, end; i < count; i = end) {
-        end = i + (track ? 0 : rover_step_side_by_side(law, count - i, count, states + i, inputs + i));
-        if (end == i)
-            step_alone(&motion, states + end++, count, inputs + i);
-        for (int64_t moved = i; moved < end; moved++)
-            write_present(&motion, states + moved, inputs[moved], moved, &to);
+    for (int64_t i = 0; i < count; i++) {
+        rover_step_alone(&motion, states + i, count, inputs + i);
+        write_present(&motion, states + i, inputs[i], i, &to);
     }
 }
 

@@ -35,9 +35,7 @@ int64_t rover_advance(rover_motion *motion, rover_state *state, const rover_inpu
 void rover_follow(rover_motion *motion, rover_state *state, const rover_controls *controls, double slope_rad,
                   double offset, int64_t times, const double *time_s, const rover_run *run, const rover_columns *to);
 
-/* Moves the first rovers of those that are `left` of `count`, as rover_step does without a track: some that are at the
- * same pace, side by side and with the same bits. Returns how many, or 0 if the first one must go alone. */
-int64_t rover_step_side_by_side(const rover_law *law, int64_t left, int64_t count, rover_state *states,
-                                const double *inputs);
+/* One rover of rover_step, whose inputs are `count` numbers apart */
+void rover_step_alone(rover_motion *motion, rover_state *state, int64_t count, const double *inputs);
 
 #endif

@@ -229,6 +229,10 @@ void rover_scenario(const rover_law *law, const rover_release *release, const ro
 void rover_step(const rover_law *law, int64_t count, rover_state *states, const double *inputs,
                 const rover_track *track, double *outputs);
 
+/* rover_step without a track, to the bit: sooner, as rovers that follow each other and whose cells of time are the same
+ * go side by side. */
+void rover_step_fleet(const rover_law *law, int64_t count, rover_state *states, const double *inputs, double *outputs);
+
 /* Runs with each row of numbers (parameters, then weights; `width` of them): x, speed, front and rear wheel speed,
  * (4, row, stride), those of a run from its place in `offsets` on. */
 void rover_sweep(const rover_law *law, int64_t rows, int64_t width, const double *numbers, int64_t runs,

@@ -88,23 +88,39 @@ static int has_pace(const rover_state *state, int64_t count, const double *input
     return 1;
 }
 
-int64_t rover_step_side_by_side(const rover_law *law, int64_t left, int64_t count, rover_state *states,
-                                const double *inputs)
+/* Moves the first of `left` rovers side by side with those that follow at its pace. Returns how many, or 0 if it must go
+ * alone. */
+static int64_t step_some(const rover_law *law, int64_t left, int64_t count, rover_state *states, const double *inputs)
 {
     const int64_t bits = law->vector_bits, most = most_lanes(bits);
-    rover_steps asked = {.law = law, .count = count, .states = states, .inputs = inputs};
+    rover_steps_asked asked = {.law = law, .count = count, .states = states, .inputs = inputs};
     if (left < FEWEST_STEPS || !has_pace(states, count, inputs, &asked.pace))
         return 0;
-    rover_pace other;
     for (asked.lanes = 1; asked.lanes < most && asked.lanes < left; asked.lanes++) {
-        const rover_pace *pace = &asked.pace;
-        if (!has_pace(states + asked.lanes, count, inputs + asked.lanes, &other) || pace->cell_s != other.cell_s
-            || pace->within_s != other.within_s || pace->event_s != other.event_s
-            || pace->duration_s != other.duration_s)
+        rover_pace first = asked.pace, other;
+        if (!has_pace(states + asked.lanes, count, inputs + asked.lanes, &other) || first.cell_s != other.cell_s
+            || first.within_s != other.within_s || first.event_s != other.event_s
+            || first.duration_s != other.duration_s)
             break;
     }
     if (asked.lanes < FEWEST_STEPS)
         return 0;
     ROVER_CALL(bits, step_lanes, (&asked));
     return asked.lanes;
+}
+
+void rover_step_fleet(const rover_law *law, int64_t count, rover_state *states, const double *inputs, double *outputs)
+{
+    rover_motion motion;
+    rover_motion_begin(&motion, law, law->parameters, law->weights, law->heights, NULL);
+    for (int64_t i = 0, moved; i < count; i += moved) {
+        moved = step_some(law, count - i, count, states + i, inputs + i);
+        if (moved == 0) {
+            rover_step_alone(&motion, states + i, count, inputs + i);
+            moved = 1;
+        }
+    }
+    rover_present(count, states, outputs);
+    for (int64_t i = 0; i < count; i++)
+        outputs[ROVER_SLOPE * count + i] = inputs[i];
 }

@@ -25,7 +25,7 @@ typedef struct {
     double cell_s, within_s, event_s, duration_s;
 } rover_pace;
 
-/* Some rovers of a call of rover_step, one after the other there */
+/* Some rovers of a call of rover_step_fleet, one after the other there */
 typedef struct {
     const rover_law *law;
     int lanes;                        /* how many; the rest repeats the first */
@@ -33,6 +33,6 @@ typedef struct {
     int64_t count;                    /* of rovers in the call: the distance between rows of inputs */
     rover_state *states;              /* of the first */
     const double *inputs;
-} rover_steps;
+} rover_steps_asked;
 
 #endif

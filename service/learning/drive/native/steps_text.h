@@ -8,7 +8,7 @@
         of(rear_rad_s) of(front_by_speed) of(rear_by_speed) of(height_m) of(next_height_m)
 
 /* Torques and slopes become those of the step. */
-TARGET static void NAME(take)(PLACE *place, STATE *state, const rover_steps *asked)
+TARGET static void NAME(take)(PLACE *place, STATE *state, const rover_steps_asked *asked)
 {
     NAME(begin_place)(place, asked->law);
     state->cell_s = asked->pace.cell_s;
@@ -28,7 +28,7 @@ TARGET static void NAME(take)(PLACE *place, STATE *state, const rover_steps *ask
     }
 }
 
-TARGET static void NAME(give_back)(const STATE *state, const rover_steps *asked)
+TARGET static void NAME(give_back)(const STATE *state, const rover_steps_asked *asked)
 {
     for (int lane = 0; lane < asked->lanes; lane++) {
         rover_state *to = asked->states + lane;
@@ -48,7 +48,7 @@ TARGET static void NAME(give_back)(const STATE *state, const rover_steps *asked)
 }
 
 /* As rover_advance does it with one rover. */
-TARGET static void NAME(step)(const rover_steps *asked)
+TARGET static void NAME(step)(const rover_steps_asked *asked)
 {
     PLACE place;
     STATE state;
