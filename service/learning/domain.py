@@ -178,7 +178,7 @@ class Domain:
     def judge_many(self, slope_deg: Array, mass_kg: Array, torque_nm: Array, horizon_s: Array) -> DomainVerdicts:
         """The verdicts on many, whose columns have shape (scenario,)."""
         values, within = self._within(slope_deg, mass_kg, torque_nm, horizon_s)
-        inside = within.all(axis=1)
+        inside = np.asarray(within.all(axis=1))
         if self.neighbourhood is None:
             return DomainVerdicts(self, inside, within, values, None)
         places = self.neighbourhood.places_of(slope_deg, mass_kg, torque_nm)
@@ -190,11 +190,11 @@ class Domain:
         self, slope_deg: Array, mass_kg: Array, torque_nm: Array, horizon_s: Array
     ) -> npt.NDArray[np.bool_]:
         """Whether each is inside, as `judge_many` says it: sooner, as nothing is said of why."""
-        inside = self._within(slope_deg, mass_kg, torque_nm, horizon_s)[1].all(axis=1)
+        inside = np.asarray(self._within(slope_deg, mass_kg, torque_nm, horizon_s)[1].all(axis=1))
         if self.neighbourhood is not None and (rows := np.flatnonzero(inside)).size:
             places = self.neighbourhood.places_of(slope_deg[rows], mass_kg[rows], torque_nm[rows])
             inside[rows] = ~(self.neighbourhood.nearest_many(places, 1)[1][:, 0] > self.neighbourhood.limit)
-        return np.asarray(inside)
+        return inside
 
     def _within(
         self, slope_deg: Array, mass_kg: Array, torque_nm: Array, horizon_s: Array

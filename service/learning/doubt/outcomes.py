@@ -125,7 +125,7 @@ class OutcomeLaw:
         search, width = _Search(ends, late_speed_m_s, end_m, reach), self.spread * scale
         for _ in range(_ROUNDS):
             search.halve(search.open & ~_decided(search.left, search.right, width))
-        return self.probabilities(search.borders(), scale).argmax(axis=1)
+        return np.asarray(self.probabilities(search.borders(), scale).argmax(axis=1))
 
     def sure(self, outcome: Class) -> Array:
         """Of each outcome, (3,), where errors within reach change nothing: as sure as the number of runs supports."""
