@@ -158,6 +158,13 @@ class _Ground:
                 return self._motion(self.twin.offset_model.ways_with(scenarios, times, 0.0))
             return self._motion(self.twin.model.positions(scenarios, times).x_m)
 
+    def looked(self, scenarios: Scenarios) -> _Motion:
+        """`motion` as far as `climbed` needs it: with a doubt nothing but what is seen at its looks."""
+        if self.twin.doubt is None:
+            return self.motion(scenarios)
+        seen_m = self.twin.offset_model.ways_with(scenarios, self._looks(), 0.0)
+        return self._motion(np.concatenate([np.zeros((len(seen_m), 3)), seen_m], axis=1))
+
     def _looks(self) -> Array:
         return np.empty(0) if self.twin.band is None else self.twin.band.look_s
 
@@ -282,7 +289,7 @@ def _steepest(
     while len(rows := rows[high[rows] - low[rows] > STEEPEST_STEP_DEG]):
         middle = (low[rows] + high[rows]) / 2.0
         scenarios = ground.scenarios(torques[rows], middle)
-        still = ground.climbed(scenarios, ground.motion(scenarios))
+        still = ground.climbed(scenarios, ground.looked(scenarios))
         low[rows[still]] = middle[still]
         high[rows[~still]] = middle[~still]
     return tuple(float(slope) if count else None for slope, count in zip(low, leading, strict=True))
