@@ -36,12 +36,12 @@ Cell = TypeVar("Cell")
 Flags = npt.NDArray[np.bool_]
 
 MOST_VALUES = 64  # of slopes and of torques
-# Cells times horizon. On one core of the shipped champion 64 x 64 cells over 10 s take 0.7 s, and the most there can be
+# Cells times horizon. On one core of the shipped champion 64 x 64 cells over 10 s take 0.2 s, and the most there can be
 # (two slopes over minutes, where nearly all is the search for the steepest one) some 4 s, and a worker with it.
 MOST_CELL_SECONDS = 50_000.0
 CONFIDENCE = (0.75, 0.995)  # one-sided; bands are calibrated at two-sided levels of 0.5 to 0.99
 STEEPEST_STEP_DEG = 0.01
-_COLUMNS = 8  # of a map that are looked at together
+_APART_DEG, _APART = 3.0, 8  # slopes between which no gap in the climb is looked for without a sign of it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,10 +93,11 @@ def mobility_map(
     began = time.perf_counter()
     ground = _Ground(twin, mass_kg, horizon_s, confidence)
     shape = len(torques), len(slopes)
-    cells = ground.scenarios(np.repeat(torques, len(slopes)), np.tile(slopes, len(torques)))
+    each = np.repeat(torques, len(slopes)), np.tile(slopes, len(torques))
+    cells = ground.scenarios(*each)
     motion, wheels = ground.whole_motion(cells)
     speed = motion.whole_m / horizon_s
-    outcomes, inside = ground.outcomes(cells, motion), _inside(twin, mass_kg, torques, slopes, horizon_s)
+    outcomes, inside = ground.outcomes(cells, motion), _inside(twin, mass_kg, *each, horizon_s).reshape(shape)
     found = _steepest(ground, torques, slopes, _leading(ground, torques, slopes, motion))
     steepest = tuple(slope if row.any() else None for slope, row in zip(found, inside, strict=True))
     count(twin, time.perf_counter() - began, outcomes, inside.size - int(inside.sum()))
@@ -111,10 +112,7 @@ def mobility_map(
         slip_ratio=_rows(twin.slip_ratios(cells, np.full(len(cells), horizon_s), speed, wheels), shape),
         inside_domain=inside,
         steepest_climb_slope_deg=steepest,
-        steepest_inside_domain=tuple(
-            None if slope is None else bool(_inside(twin, mass_kg, torques[[row]], np.array([slope]), horizon_s)[0, 0])
-            for row, slope in enumerate(steepest)
-        ),
+        steepest_inside_domain=_inside_where_known(twin, mass_kg, torques, steepest, horizon_s),
     )
 
 
@@ -148,8 +146,7 @@ class _Ground:
         model, look_s = self.twin.model, self._looks()
         if not (isinstance(model, KnowsWholes) and len(look_s) <= MOST_LOOKS):
             return self.motion(scenarios), None
-        horizons = np.full(len(scenarios), self.horizon_s)
-        _, whole = model.whole_motion(scenarios, np.empty(0), horizons, look_s)
+        whole = model.whole_ways(scenarios, np.full(len(scenarios), self.horizon_s), look_s)
         x = np.stack([np.zeros(len(scenarios)), whole.late_x_m, whole.end_x_m], axis=1)
         return self._motion(np.concatenate([x, whole.seen_m], axis=1)), whole.wheels_rad_s
 
@@ -160,6 +157,13 @@ class _Ground:
             if self.twin.doubt is not None:
                 return self._motion(self.twin.offset_model.ways_with(scenarios, times, 0.0))
             return self._motion(self.twin.model.positions(scenarios, times).x_m)
+
+    def looked(self, scenarios: Scenarios) -> _Motion:
+        """`motion` as far as `climbed` needs it: with a doubt nothing but what is seen at its looks."""
+        if self.twin.doubt is None:
+            return self.motion(scenarios)
+        seen_m = self.twin.offset_model.ways_with(scenarios, self._looks(), 0.0)
+        return self._motion(np.concatenate([np.zeros((len(seen_m), 3)), seen_m], axis=1))
 
     def _looks(self) -> Array:
         return np.empty(0) if self.twin.band is None else self.twin.band.look_s
@@ -210,20 +214,69 @@ class _Ground:
 def _leading(ground: _Ground, torques: Array, slopes: Array, motion: _Motion) -> npt.NDArray[np.intp]:
     """How many slopes, from the lowest on, each torque climbs without a gap, (torque,).
 
-    Some slopes at a time: what lies beyond a gap, where rovers stall and must be driven longest, is not looked at.
+    Slopes at most _APART_DEG apart are looked at, then some between the last that is climbed and the first that is not.
+    One between two that are climbed is taken for climbed if the rover gets no less far there than on the steeper one;
+    else it is looked at too. What lies beyond a gap, where rovers stall and must be driven longest, is not.
     """
-    leading, rows = np.zeros(len(torques), dtype=np.intp), np.arange(len(torques))
-    for first in range(0, len(slopes), _COLUMNS):
-        columns = np.arange(first, min(first + _COLUMNS, len(slopes)))
-        row, column = (each.ravel() for each in np.meshgrid(rows, columns, indexing="ij"))
-        scenarios = ground.scenarios(torques[row], slopes[column])
-        climbed = ground.climbed(scenarios, motion.only(row * len(slopes) + column)).reshape(len(rows), -1)
-        gapless = np.logical_and.accumulate(climbed, axis=1).sum(axis=1)
-        leading[rows] += gapless
-        rows = rows[gapless == len(columns)]
-        if not len(rows):
-            break
-    return leading
+    shape = len(torques), len(slopes)
+    if ground.twin.doubt is None:  # whose answers need no drives
+        cells = ground.scenarios(np.repeat(torques, shape[1]), np.tile(slopes, shape[0]))
+        return _gapless(ground.climbed(cells, motion).reshape(shape))
+    column = np.arange(shape[1])
+    known = _Known(motion.whole_m.reshape(shape), _steps_apart(slopes))
+    late_m = motion.last_part_m.reshape(shape)
+    wanted = np.logical_and.accumulate(late_m > 0.0, axis=1) & (column % known.apart == 0)
+    wanted[:, 0] = True
+    while wanted.any():
+        row, at = np.nonzero(wanted)
+        cells = ground.scenarios(torques[row], slopes[at])
+        known.climbed[row, at] = ground.climbed(cells, motion.only(row * shape[1] + at))
+        known.looked[row, at] = True
+        wanted = known.wanted()
+    return known.leading()
+
+
+def _gapless(climbed: Flags) -> npt.NDArray[np.intp]:
+    """How many slopes of (torque, slope), from the lowest on, are climbed without a gap, (torque,)."""
+    return np.asarray(np.logical_and.accumulate(climbed, axis=1).sum(axis=1))
+
+
+def _steps_apart(slopes: Array) -> int:
+    """How many steps of these slopes are no more than _APART_DEG, 1 at least."""
+    within = [bool((slopes[n:] - slopes[:-n] <= _APART_DEG).all()) for n in range(1, min(_APART + 1, len(slopes)))]
+    return max(1, within.index(False) if False in within else len(within))
+
+
+class _Known:
+    """Which cells of a map, (torque, slope), were looked at, and which of these are climbed."""
+
+    def __init__(self, whole_m: Array, apart: int) -> None:
+        """`whole_m` (torque, slope) are ways without an error; slopes so many steps apart are near each other."""
+        self.apart = apart
+        self.looked, self.climbed = (np.zeros(whole_m.shape, dtype=np.bool_) for _ in range(2))
+        self._whole_m, self._column = whole_m, np.arange(whole_m.shape[1])
+
+    def leading(self) -> npt.NDArray[np.intp]:
+        """How many slopes, from the lowest on, are climbed, or taken for it, without a gap, (torque,)."""
+        slopes = len(self._column)
+        none = len(self._column) + self.apart  # further from all than is near
+        before = np.maximum.accumulate(np.where(self.climbed, self._column, -none), axis=1)
+        after = np.minimum.accumulate(np.where(self.climbed, self._column, 2 * none)[:, ::-1], axis=1)[:, ::-1]
+        further = self._whole_m >= np.take_along_axis(self._whole_m, np.minimum(after, slopes - 1), axis=1)
+        taken = ~self.looked & (after - before <= self.apart) & further
+        return _gapless(self.climbed | taken)
+
+    def wanted(self) -> Flags:
+        """The cells to look at next: of each torque one, or those of a gap between two slopes that are climbed."""
+        slopes, leading = len(self._column), self.leading()[:, None]
+        failed = np.where(self.looked & ~self.climbed, self._column, slopes).min(axis=1, keepdims=True)
+        beyond = self.climbed & (self._column > leading) & (self._column < failed)
+        gap = beyond.any(axis=1, keepdims=True)
+        ends = np.where(beyond, self._column, slopes).min(axis=1, keepdims=True)
+        middle = np.minimum((leading - 1 + failed) // 2, leading - 1 + self.apart)
+        of_gap = gap & (self._column >= leading) & (self._column < ends)
+        of_end = ~gap & (leading < failed) & (self._column == np.maximum(middle, leading))
+        return np.asarray((of_gap | of_end) & ~self.looked)
 
 
 def _steepest(
@@ -236,22 +289,25 @@ def _steepest(
     while len(rows := rows[high[rows] - low[rows] > STEEPEST_STEP_DEG]):
         middle = (low[rows] + high[rows]) / 2.0
         scenarios = ground.scenarios(torques[rows], middle)
-        still = ground.climbed(scenarios, ground.motion(scenarios))
+        still = ground.climbed(scenarios, ground.looked(scenarios))
         low[rows[still]] = middle[still]
         high[rows[~still]] = middle[~still]
     return tuple(float(slope) if count else None for slope, count in zip(low, leading, strict=True))
 
 
 def _inside(twin: Twin, mass_kg: float, torques: Array, slopes: Array, horizon_s: float) -> Flags:
-    shape = len(torques), len(slopes)
-    count = len(torques) * len(slopes)
-    verdicts = twin.domain.judge_many(
-        np.tile(slopes, len(torques)),
-        np.full(count, mass_kg),
-        np.repeat(torques, len(slopes)),
-        np.full(count, horizon_s),
-    )
-    return verdicts.inside.reshape(shape)
+    """Whether scenarios of these torques and slopes, (scenario,) both, are inside."""
+    same = np.ones(len(torques))
+    return twin.domain.inside_many(slopes, mass_kg * same, torques, horizon_s * same)
+
+
+def _inside_where_known(
+    twin: Twin, mass_kg: float, torques: Array, slopes: Sequence[float | None], horizon_s: float
+) -> tuple[bool | None, ...]:
+    """The same of one slope for each torque, (torque,); None where there is none."""
+    known = np.array([slope is not None for slope in slopes])
+    inside = _inside(twin, mass_kg, torques, np.array([slope or 0.0 for slope in slopes]), horizon_s)
+    return tuple(bool(flag) if there else None for flag, there in zip(inside, known, strict=True))
 
 
 def _rows(cells: Sequence[Cell], shape: tuple[int, int]) -> tuple[tuple[Cell, ...], ...]:

@@ -17,3 +17,7 @@ class KnowsWholes(Protocol):
     ) -> tuple[Motion, Whole]:
         """Times that do not fall, (time,) or (scenario, time); horizons (scenario,)."""
         ...
+
+    def whole_ways(self, scenarios: Scenarios, horizon_s: Array, look_s: Array) -> Whole:
+        """What `whole_motion` says of each way, but for heights and lengths of paths: sooner."""
+        ...

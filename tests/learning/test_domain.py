@@ -159,9 +159,11 @@ def test_many_verdicts_are_those_of_each(asked):
         gap_domain(),
         Domain.restore({f: DOMAIN.describe()[f] for f in FIELDS}, VIPER, LUNAR_REGOLITH),
     ):
-        verdicts = domain.judge_many(*np.array(asked, dtype=np.float64).reshape(-1, 4).T)
+        columns = np.array(asked, dtype=np.float64).reshape(-1, 4).T
+        verdicts = domain.judge_many(*columns)
 
         assert len(verdicts) == len(asked)
+        assert np.array_equal(domain.inside_many(*columns), verdicts.inside)
         for row, one in enumerate(asked):
             alone = domain.judge(*one)
             assert verdicts[row].inside == verdicts.inside[row] == alone.inside

@@ -20,7 +20,7 @@ from service.learning.doubt.evidence import Evidence
 from service.learning.doubt.excursions import LARGEST_ERROR, UNIT_OFFSET, late_part, remainder_m
 from service.learning.doubt.meeting import LAST_PART, Meeting, OffsetModel, look_times, scenario_places, settled_speed
 from service.learning.doubt.multipliers import Kinds
-from service.learning.doubt.outcomes import Class, OutcomeLaw, classes, climbs, entropy, falls_back, find_borders
+from service.learning.doubt.outcomes import Class, Ends, OutcomeLaw, classes, climbs, entropy, falls_back, find_borders
 from service.learning.doubt.scale import Scale
 from service.learning.edges import Edges
 from service.learning.observed import ObservedRun
@@ -167,13 +167,19 @@ class Doubt:
 
         `end` is what the model says of the mean speed over the last quarter and of the last position, (scenario,) each.
         """
+        scale, reach, ends = self._turning(model, scenarios, horizon_s, seen_m)
+        return self.outcomes.probabilities(find_borders(ends, *end, reach), scale)
+
+    def _turning(
+        self, model: OffsetModel, scenarios: Scenarios, horizon_s: Array, seen_m: Array
+    ) -> tuple[Array, Array, Ends]:
+        """What it takes to find where outcomes turn: scales of offsets, their reach, and ends under offsets."""
         scale = UNIT_OFFSET * self._scenario_scales(scenarios, seen_m)[0][0]
 
         def ends(offsets: Array, rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
             return ends_of(model, _only(scenarios, rows), horizon_s[rows], offsets)
 
-        reach = np.minimum(self.outcomes.reach(scale), LARGEST_ERROR)
-        return self.outcomes.probabilities(find_borders(ends, *end, reach), scale)
+        return scale, np.minimum(self.outcomes.reach(scale), LARGEST_ERROR), ends
 
     def likeliest(
         self, model: OffsetModel, scenarios: Scenarios, horizon_s: Array, end: tuple[Array, Array], seen_m: Array
@@ -187,8 +193,8 @@ class Doubt:
         unclear = (found == Class.STALLS) | ((found == Class.SLIDES) & (end[0] > 0))
         if (rows := np.flatnonzero(unclear)).size:
             part = end[0][rows], end[1][rows]
-            chances = self.probabilities(model, _only(scenarios, rows), horizon_s[rows], part, seen_m[rows])
-            found[rows] = chances.argmax(axis=1)
+            scale, reach, ends = self._turning(model, _only(scenarios, rows), horizon_s[rows], seen_m[rows])
+            found[rows] = self.outcomes.likeliest(ends, *part, reach, scale)
         return found
 
     def surely_climbs(

@@ -24,7 +24,11 @@ LATE_SPEED_M_S = 0.015  # of Chrono's runs, those that creep stay below 8 mm/s, 
 # give left-out runs the same probabilities, to 1 % of their logarithm.
 _USUAL_SPREAD, _SPREAD_DEVIATION = 1.5, 0.5
 _SPREADS: Array = np.geomspace(0.2, 12.0, 60)
+_NEAR = 1e-9  # probabilities that are as good as the same
 _ROUNDS = 8  # of halving an interval in which an outcome turns
+# The borders: which of the ends (late speed, last position), and the value that it falls to there.
+_OF = np.array([0, 1, 0])
+_LEAST: Array = np.array([[LATE_SPEED_M_S], [0.0], [-LATE_SPEED_M_S]])
 
 Classes = npt.NDArray[np.intp]
 # From offsets (row,) and rows to late speeds (m/s) and last positions (m from the start) of scenarios, (row,) each.
@@ -113,6 +117,16 @@ class OutcomeLaw:
         """Of climbing, stalling and sliding, (scenario, 3), for scales (scenario,), fractions of the weight."""
         return _probabilities(borders, self.spread * scale, self.runs)
 
+    def likeliest(self, ends: Ends, late_speed_m_s: Array, end_m: Array, reach: Array, scale: Array) -> Classes:
+        """The most probable outcome of each scenario, (scenario,): that of `probabilities` of `find_borders`.
+
+        The same drives, without those that can no longer change which one it is.
+        """
+        search, width = _Search(ends, late_speed_m_s, end_m, reach), self.spread * scale
+        for _ in range(_ROUNDS):
+            search.halve(search.open & ~_decided(search.left, search.right, width))
+        return np.asarray(self.probabilities(search.borders(), scale).argmax(axis=1))
+
     def sure(self, outcome: Class) -> Array:
         """Of each outcome, (3,), where errors within reach change nothing: as sure as the number of runs supports."""
         found = np.full(len(Class), 0.5)
@@ -147,38 +161,55 @@ def find_borders(ends: Ends, late_speed_m_s: Array, end_m: Array, reach: Array) 
     alone, one that slides at the lower: at the other end no border that counts can be. Most end alike there, which
     makes one drive; the others take eight more for each border.
     """
-    middle = np.stack([late_speed_m_s, end_m])
-    high, low = middle.copy(), middle.copy()
-    if (rows := np.flatnonzero((late_speed_m_s < LATE_SPEED_M_S) | (end_m < 0.0))).size:
-        high[:, rows] = np.maximum(np.stack(ends(-reach[rows], rows)), middle[:, rows])
-    if (rows := np.flatnonzero(late_speed_m_s >= -LATE_SPEED_M_S)).size:
-        low[:, rows] = np.minimum(np.stack(ends(reach[rows], rows)), middle[:, rows])
-    wanted = ((0, LATE_SPEED_M_S), (1, 0.0), (0, -LATE_SPEED_M_S))
-    found = [_border(ends, of, least, (high[of], middle[of], low[of]), reach) for of, least in wanted]
-    return Borders(found[0], found[1], np.maximum(found[0], found[2]))
-
-
-def _border(ends: Ends, of: int, least: float, known: tuple[Array, Array, Array], reach: Array) -> Array:
-    """Halving between offsets on both sides of where one of the ends falls to `least`; then a straight line.
-
-    `known` are its values at minus reach, 0 and reach.
-    """
-    high, middle, low = known
-    found = np.where(high < least, -np.inf, np.inf)
-    rows = np.flatnonzero((high >= least) & (low < least))
-    if not len(rows):
-        return found
-    above = middle[rows] >= least
-    left, right = np.where(above, 0.0, -reach[rows]), np.where(above, reach[rows], 0.0)
-    upper, lower = np.where(above, middle[rows], high[rows]), np.where(above, low[rows], middle[rows])
+    search = _Search(ends, late_speed_m_s, end_m, reach)
     for _ in range(_ROUNDS):
-        half = 0.5 * (left + right)
-        there = ends(half, rows)[of]
-        over = there >= least
-        left, upper = np.where(over, half, left), np.where(over, there, upper)
-        right, lower = np.where(over, right, half), np.where(over, lower, there)
-    found[rows] = left + (right - left) * np.clip((upper - least) / np.maximum(upper - lower, 1e-12), 0.0, 1.0)
-    return found
+        search.halve(search.open)
+    return search.borders()
+
+
+class _Search:
+    """Halving between offsets on both sides of where one of the ends falls to a least value; then a straight line.
+
+    Columns (border, scenario), a border for each of `_WANTED`: an interval's offsets and what is known there.
+    """
+
+    def __init__(self, ends: Ends, late_speed_m_s: Array, end_m: Array, reach: Array) -> None:
+        """Arguments as those of `find_borders`."""
+        self._ends = ends
+        middle = np.stack([late_speed_m_s, end_m])
+        high, low = middle.copy(), middle.copy()
+        if (rows := np.flatnonzero((late_speed_m_s < LATE_SPEED_M_S) | (end_m < 0.0))).size:
+            high[:, rows] = np.maximum(np.stack(ends(-reach[rows], rows)), middle[:, rows])
+        if (rows := np.flatnonzero(late_speed_m_s >= -LATE_SPEED_M_S)).size:
+            low[:, rows] = np.minimum(np.stack(ends(reach[rows], rows)), middle[:, rows])
+        high, middle, low = high[_OF], middle[_OF], low[_OF]
+        beyond, above = high < _LEAST, middle >= _LEAST
+        self.open = ~beyond & (low < _LEAST)
+        """Borders within reach, where there is something to halve."""
+        self.left = np.where(self.open, np.where(above, 0.0, -reach), np.where(beyond, -np.inf, np.inf))
+        self.right = np.where(self.open, np.where(above, reach, 0.0), self.left)
+        self._upper, self._lower = np.where(above, middle, high), np.where(above, low, middle)
+
+    def halve(self, wanted: npt.NDArray[np.bool_]) -> None:
+        """Drives in the middle of the intervals that are wanted, all at once."""
+        border, row = np.nonzero(wanted)
+        if not len(row):
+            return
+        half = 0.5 * (self.left[border, row] + self.right[border, row])
+        there = np.stack(self._ends(half, row))[_OF[border], np.arange(len(row))]
+        over = there >= _LEAST[border, 0]
+        up, down = (border[over], row[over]), (border[~over], row[~over])
+        self.left[up], self._upper[up] = half[over], there[over]
+        self.right[down], self._lower[down] = half[~over], there[~over]
+
+    def borders(self) -> Borders:
+        """Where they most probably are, within their intervals."""
+        found = self.left.copy()
+        left, right, upper, lower = (each[self.open] for each in (self.left, self.right, self._upper, self._lower))
+        least = np.broadcast_to(_LEAST, found.shape)[self.open]
+        part = np.clip((upper - least) / np.maximum(upper - lower, 1e-12), 0.0, 1.0)
+        found[self.open] = left + (right - left) * part
+        return Borders(found[0], found[1], np.maximum(found[0], found[2]))
 
 
 def _probabilities(borders: Borders, width: Array, runs: int) -> Array:
@@ -186,6 +217,18 @@ def _probabilities(borders: Borders, width: Array, runs: int) -> Array:
     stalls = _cumulated(borders.slides_from / width) - _cumulated(borders.stalls_from / width)
     found = np.stack([climbs, stalls, 1.0 - climbs - stalls], axis=-1)
     return np.asarray((runs * np.clip(found, 0.0, 1.0) + 0.5) / (runs + 1.5))
+
+
+def _decided(left: Array, right: Array, width: Array) -> npt.NDArray[np.bool_]:
+    """Whether one outcome is the most probable wherever in their intervals (border, scenario) the borders are."""
+    low, high = (
+        _cumulated(np.stack([np.minimum(b[0], b[1]), b[0], np.maximum(b[0], b[2])]) / width) for b in (left, right)
+    )
+    least = np.stack([low[0], low[2] - high[1], 1.0 - high[0] - (high[2] - low[1])])
+    most = np.stack([high[0], high[2] - low[1], 1.0 - low[0] - (low[2] - high[1])])
+    best = least.argmax(axis=0)
+    np.put_along_axis(most, best[None], -1.0, axis=0)
+    return np.asarray(least.max(axis=0) > np.maximum(most.max(axis=0), 0.0) + _NEAR)
 
 
 def _likelihoods(true: Classes, borders: Borders, scales: Array) -> Array:

@@ -166,16 +166,35 @@ class Engine:
         `horizon_s` is (scenario,), `look_s` up to two times at which the ways are looked at besides. Raises ValueError
         as `constant` does.
         """
-        scenarios, time = _scenarios((slope_rad, mass_kg, torque_nm, start_speed_m_s, 0.0)), contiguous(time_s)
-        horizons, count = contiguous(horizon_s), scenarios.shape[1]
+        columns = slope_rad, mass_kg, torque_nm, start_speed_m_s, 0.0
+        found, whole = self._whole(self._address, columns, contiguous(time_s), horizon_s, look_s)
+        return (found[0], found[1], found[2], found[3], found[4]), whole
+
+    def whole_ways(
+        self,
+        slope_rad: Array,
+        mass_kg: Array,
+        torque_nm: Array,
+        start_speed_m_s: Array | float,
+        horizon_s: Array,
+        look_s: Array,
+    ) -> Whole:
+        """What `whole` says of each way, to the bit, but for heights and lengths of paths, which are 0: sooner."""
+        columns = slope_rad, mass_kg, torque_nm, start_speed_m_s, 0.0
+        return self._whole(self._flat.address, columns, np.empty(0), horizon_s, look_s)[1]
+
+    def _whole(
+        self, law: int, columns: Sequence[Array | float], time: Array, horizon_s: Array, look_s: Array
+    ) -> tuple[Array, Whole]:
+        scenarios, horizons = _scenarios(columns), contiguous(horizon_s)
+        count = scenarios.shape[1]
         _require(_rise(time), "times must not fall")
         _require(time.ndim == 1 or len(time) == count, f"times {time.shape} do not fit {count} scenarios")
         for times in (time, horizons[:, None], look_s):
             _require_range(times)
         _require(horizons.shape == (count,), f"horizons {horizons.shape} do not fit {count} scenarios")
         asked = WholesAsked(horizons, look_s)
-        found = self._side_by_side(self._address, scenarios, time, 5, asked)
-        return (found[0], found[1], found[2], found[3], found[4]), asked.found()
+        return self._side_by_side(law, scenarios, time, 5, asked), asked.found()
 
     def _constant(self, law: int, columns: Sequence[Array | float], time: Array, wanted: int) -> Array:
         """Columns (wanted, scenario, time): all five, or x alone; a few scenarios give five in any case."""
@@ -290,16 +309,12 @@ class Engine:
 
         `numbers` (rover, SIZE) and `inputs` (4, rover), slope (rad), torque, brake and duration, in one piece each.
         """
-        outputs = np.empty((OUTPUTS, len(numbers)))
-        along = None if track is None else track.compiled()
-        self._library.rover_step(
-            self._address,
-            len(numbers),
-            address(numbers),
-            address(inputs),
-            None if along is None else addressof(along),
-            address(outputs),
-        )
+        count, outputs = len(numbers), np.empty((OUTPUTS, len(numbers)))
+        rovers = self._address, count, address(numbers), address(inputs)
+        if track is None:
+            self._library.rover_step_fleet(*rovers, address(outputs))
+        else:
+            self._library.rover_step(*rovers, addressof(track.compiled()), address(outputs))
         return outputs
 
     def advance_one(self, numbers: int, inputs: int, outputs: int) -> None:

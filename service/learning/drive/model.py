@@ -78,6 +78,12 @@ class DriveModel:
         x, speed, front, rear, y = columns
         return Motion(x, y, speed, rear, front), whole
 
+    def whole_ways(self, scenarios: Scenarios, horizon_s: Array, look_s: Array) -> Whole:
+        """What `whole_motion` says of each way, but for heights and lengths of paths."""
+        slopes, masses = scenarios.slope_angle_rad, scenarios.mass_kg
+        starts = self.starts.at(slopes, masses)
+        return self.engine.whole_ways(slopes, masses, scenarios.torque_nm, starts, horizon_s, look_s)
+
     def scenario(self, slope_rad: float, mass_kg: float, torque_nm: float, table: Timetable) -> tuple[Array, Account]:
         """One scenario, as `motion` has it, in a fraction of its time, and what the whole way comes to.
 

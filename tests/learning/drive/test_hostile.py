@@ -38,7 +38,7 @@ def test_no_number_leads_out_of_bounds(engine: Engine, seed: int):
         if rng.random() < 0.1:
             setattr(struct, name, rng.choice(WILD))
     distance, slope = spoilt(TRACK.distance_m), spoilt(TRACK.slope_rad)
-    track, told = TRACK.compiled(), CONTROLS.compiled()
+    track, told = (type(kept).from_buffer_copy(kept) for kept in (TRACK.compiled(), CONTROLS.compiled()))
     track.distance_m, track.slope_rad = address(distance), address(slope)
     columns = [spoilt(each) for each in (CONTROLS.time_s, CONTROLS.torque_nm, np.asarray(CONTROLS.brake))]
     told.time_s, told.torque_nm, told.brake = map(address, columns)

@@ -134,6 +134,12 @@ def test_the_whole_way_is_that_of_its_times(engines: list[Engine], seed: int, co
         first = first or whole
         assert_same_bits(whole.path_m, first.path_m)
         assert_same_bits(whole.wheels_rad_s, first.wheels_rad_s)
+        ways = engine.whole_ways(slope, mass, torque, speed, horizons, looks)
+        for name in ("late_x_m", "end_x_m", "wheels_rad_s"):
+            assert_same_bits(getattr(ways, name), getattr(whole, name))
+        assert_same_bits(np.ascontiguousarray(ways.seen_m), seen)
+        assert not ways.path_m.any()
+        assert not ways.end_y_m.any()
 
 
 @pytest.mark.usefixtures("three_threads")

@@ -303,20 +303,24 @@ void rover_constant(const rover_law *law, int64_t count, const double *scenarios
     }
 }
 
+void rover_step_alone(rover_motion *motion, rover_state *state, int64_t count, const double *inputs)
+{
+    rover_inputs with = {inputs[count], inputs[0], 0.0, inputs[2 * count] != 0.0};
+    double duration = rover_held(inputs[3 * count], 0.0, ROVER_MOST_S);
+    rover_columns none = {0};
+    rover_advance(motion, state, &with, 0.0, duration, 0, NULL, &none, 0);
+    state->time_s += duration;
+}
+
 void rover_step(const rover_law *law, int64_t count, rover_state *states, const double *inputs,
                 const rover_track *track, double *outputs)
 {
     rover_motion motion;
     rover_motion_begin(&motion, law, law->parameters, law->weights, law->heights, track);
+    rover_columns to = columns_of(outputs, count);
     for (int64_t i = 0; i < count; i++) {
-        rover_inputs with = {inputs[count + i], inputs[i], 0.0, inputs[2 * count + i] != 0.0};
-        double duration = rover_held(inputs[3 * count + i], 0.0, ROVER_MOST_S);
-        rover_state *state = states + i;
-        rover_columns none = {0};
-        rover_advance(&motion, state, &with, 0.0, duration, 0, NULL, &none, 0);
-        state->time_s += duration;
-        rover_columns to = columns_of(outputs, count);
-        write_present(&motion, state, with.slope_rad, i, &to);
+        rover_step_alone(&motion, states + i, count, inputs + i);
+        write_present(&motion, states + i, inputs[i], i, &to);
     }
 }
 

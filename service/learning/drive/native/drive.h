@@ -35,4 +35,7 @@ int64_t rover_advance(rover_motion *motion, rover_state *state, const rover_inpu
 void rover_follow(rover_motion *motion, rover_state *state, const rover_controls *controls, double slope_rad,
                   double offset, int64_t times, const double *time_s, const rover_run *run, const rover_columns *to);
 
+/* One rover of rover_step, whose inputs are `count` numbers apart */
+void rover_step_alone(rover_motion *motion, rover_state *state, int64_t count, const double *inputs);
+
 #endif

@@ -16,3 +16,5 @@
 #undef TARGET
 #undef SUFFIX
 #undef LANES
+#undef JOINED
+#undef WITH_SUFFIX

@@ -147,7 +147,7 @@ typedef struct {
 
 /* What the whole way of each scenario comes to, told by ROVER_WHOLE_PARTS even parts of its horizon: x where the last
  * quarter begins and at the end, height there, the path's length, mean speed of all wheels (rad/s), and x at up to two
- * looks; (ROVER_WHOLE, scenario). */
+ * looks; (ROVER_WHOLE, scenario). Height and path are 0 under a law without heights. */
 enum {
     ROVER_WHOLE_LATE, ROVER_WHOLE_END, ROVER_WHOLE_HEIGHT, ROVER_WHOLE_PATH, ROVER_WHOLE_WHEELS, ROVER_WHOLE_SEEN,
     ROVER_WHOLE = ROVER_WHOLE_SEEN + 2
@@ -228,6 +228,10 @@ void rover_scenario(const rover_law *law, const rover_release *release, const ro
  * brake and duration, (4, count). Outputs are (ROVER_OUTPUTS, count). */
 void rover_step(const rover_law *law, int64_t count, rover_state *states, const double *inputs,
                 const rover_track *track, double *outputs);
+
+/* rover_step without a track, to the bit: sooner, as rovers that follow each other and whose cells of time are the same
+ * go side by side. */
+void rover_step_fleet(const rover_law *law, int64_t count, rover_state *states, const double *inputs, double *outputs);
 
 /* Runs with each row of numbers (parameters, then weights; `width` of them): x, speed, front and rear wheel speed,
  * (4, row, stride), those of a run from its place in `offsets` on. */

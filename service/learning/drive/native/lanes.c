@@ -12,12 +12,13 @@
 #endif
 #pragma GCC diagnostic ignored "-Wpsabi" /* vectors are passed within this file alone */
 
-enum { NARROW_LANES = 4, WIDE_LANES = 8, WIDEST_LANES = 16 };
+enum { NARROW_LANES = 4, WIDE_LANES = 8, WIDEST_LANES = 16, FEWEST_STEPS = 3 };
 
 #define TARGET
 #define SUFFIX _lanes
 #define LANES NARROW_LANES
 #include "lanes_text.h"
+#include "steps_text.h"
 #include "end.h"
 
 #if defined(__x86_64__)
@@ -25,23 +26,32 @@ enum { NARROW_LANES = 4, WIDE_LANES = 8, WIDEST_LANES = 16 };
 #define SUFFIX _lanes_avx2
 #define LANES WIDE_LANES
 #include "lanes_text.h"
+#include "steps_text.h"
 #include "end.h"
 
 #define TARGET ROVER_AVX512
 #define SUFFIX _lanes_avx512
 #define LANES WIDEST_LANES
 #include "lanes_text.h"
+#include "steps_text.h"
 #include "end.h"
 #else /* whose law asks for no more than 128 bits */
 #define drive_lanes_avx2 drive_lanes
 #define drive_lanes_avx512 drive_lanes
+#define step_lanes_avx2 step_lanes
+#define step_lanes_avx512 step_lanes
 #endif
+
+static int64_t most_lanes(int64_t bits)
+{
+    return bits >= 512 ? WIDEST_LANES : bits >= 256 ? WIDE_LANES : NARROW_LANES;
+}
 
 void rover_side_by_side(const rover_law *law, int64_t some, const int64_t *order, int64_t count, const double *scenarios,
                         int64_t times, const double *time_s, int64_t stride, int64_t columns, double *outputs,
                         const rover_wholes *wholes)
 {
-    const int64_t bits = law->vector_bits, most = bits >= 512 ? WIDEST_LANES : bits >= 256 ? WIDE_LANES : NARROW_LANES;
+    const int64_t bits = law->vector_bits, most = most_lanes(bits);
     rover_lanes asked = {.law = law, .count = count, .scenarios = scenarios, .times = times, .stride = stride,
                          .time_s = time_s, .wholes = wholes};
     for (int column = 0; column < 5; column++)
@@ -52,4 +62,65 @@ void rover_side_by_side(const rover_law *law, int64_t some, const int64_t *order
             asked.row[lane] = order[first + lane];
         ROVER_CALL(bits, drive_lanes, (&asked));
     }
+}
+
+/* Whether a rover may be moved side by side with others of its pace: it drives, and begins a cell on its way whose
+ * length the time since the last event tells. */
+static int has_pace(const rover_state *state, int64_t count, const double *inputs, rover_pace *pace)
+{
+    double slope = inputs[0], torque = inputs[count], brake = inputs[2 * count], duration = inputs[3 * count];
+    if (brake != 0.0 || state->brake != 0.0 || state->height_known == 0.0 || !(duration <= ROVER_MOST_S) || isnan(torque))
+        return 0;
+    int same = state->torque_nm == torque, open = state->cell_s != 0.0;
+    if (open && !(state->cell_s > 0.0 && state->cell_s <= long_cell_s && state->within_s >= 0.0
+                  && state->within_s <= state->cell_s))
+        return 0;
+    if (open && !(same && state->slope_rad == slope && state->offset == 0.0))
+        return 0;
+    if (!open && (state->within_s != 0.0 || (same && state->slope_rad != slope && state->cut_s != 0.0)))
+        return 0;
+    if (!(duration > same_time_s) || state->within_s + duration <= state->cell_s + same_time_s)
+        return 0;
+    pace->cell_s = state->cell_s;
+    pace->within_s = state->within_s;
+    pace->event_s = same ? state->event_s : 0.0;
+    pace->duration_s = duration;
+    return 1;
+}
+
+/* Moves the first of `left` rovers side by side with those that follow at its pace. Returns how many, or 0 if it must go
+ * alone. */
+static int64_t step_some(const rover_law *law, int64_t left, int64_t count, rover_state *states, const double *inputs)
+{
+    const int64_t bits = law->vector_bits, most = most_lanes(bits);
+    rover_steps_asked asked = {.law = law, .count = count, .states = states, .inputs = inputs};
+    if (left < FEWEST_STEPS || !has_pace(states, count, inputs, &asked.pace))
+        return 0;
+    for (asked.lanes = 1; asked.lanes < most && asked.lanes < left; asked.lanes++) {
+        rover_pace first = asked.pace, other;
+        if (!has_pace(states + asked.lanes, count, inputs + asked.lanes, &other) || first.cell_s != other.cell_s
+            || first.within_s != other.within_s || first.event_s != other.event_s
+            || first.duration_s != other.duration_s)
+            break;
+    }
+    if (asked.lanes < FEWEST_STEPS)
+        return 0;
+    ROVER_CALL(bits, step_lanes, (&asked));
+    return asked.lanes;
+}
+
+void rover_step_fleet(const rover_law *law, int64_t count, rover_state *states, const double *inputs, double *outputs)
+{
+    rover_motion motion;
+    rover_motion_begin(&motion, law, law->parameters, law->weights, law->heights, NULL);
+    for (int64_t i = 0, moved; i < count; i += moved) {
+        moved = step_some(law, count - i, count, states + i, inputs + i);
+        if (moved == 0) {
+            rover_step_alone(&motion, states + i, count, inputs + i);
+            moved = 1;
+        }
+    }
+    rover_present(count, states, outputs);
+    for (int64_t i = 0; i < count; i++)
+        outputs[ROVER_SLOPE * count + i] = inputs[i];
 }

@@ -19,4 +19,20 @@ typedef struct {
     double *columns[5];               /* x, speed, front and rear wheel speed, height; NULL for what is not asked for */
 } rover_lanes;
 
+/* What rovers must share to be moved side by side: the cell they are in (0 for none), the time gone by in it and since
+ * the last event, and how long they go on. */
+typedef struct {
+    double cell_s, within_s, event_s, duration_s;
+} rover_pace;
+
+/* Some rovers of a call of rover_step_fleet, one after the other there */
+typedef struct {
+    const rover_law *law;
+    int lanes;                        /* how many; the rest repeats the first */
+    rover_pace pace;
+    int64_t count;                    /* of rovers in the call: the distance between rows of inputs */
+    rover_state *states;              /* of the first */
+    const double *inputs;
+} rover_steps_asked;
+
 #endif

@@ -108,6 +108,29 @@ TEXT void NAME(leave_ruts)(STATE *state, NUMBER before_m, NUMBER front_m)
     state->frontier_m = PICK(further, front_m, state->frontier_m);
 }
 
+TARGET static void NAME(begin_place)(PLACE *place, const rover_law *law)
+{
+    rover_place_begin(&place->one[0], law, law->parameters, law->heights);
+    for (int lane = 1; lane < LANES; lane++)
+        place->one[lane] = place->one[0];
+    place->law = law;
+    place->parameters = place->one[0].parameters;
+    place->per = place->one[0].per;
+    place->stall_summed = 0;
+}
+
+/* Makes what mass, slope and torque of a lane decide. */
+TARGET static void NAME(settle)(PLACE *place, int lane, double mass_kg, double slope_rad, double torque_nm)
+{
+    rover_place *of = &place->one[lane];
+    rover_place_at(of, mass_kg, slope_rad, torque_nm);
+    rover_place_driven(of, place->law->weights);
+    const double *from = (const double *)&of->ground;
+    double *to = (double *)&place->ground + lane;
+    for (size_t i = 0; i < sizeof of->ground / sizeof *from; i++)
+        to[i * LANES] = from[i];
+}
+
 /* The scenarios' places and their states at the start */
 TARGET static void NAME(begin)(PLACE *place, STATE *state, const rover_lanes *asked)
 {
@@ -118,24 +141,12 @@ TARGET static void NAME(begin)(PLACE *place, STATE *state, const rover_lanes *as
     for (int cell = 0; cell < ROVER_RUT_CELLS; cell++)
         for (int lane = 0; lane < LANES; lane++)
             state->ruts[cell][lane] = 1.0;
-    rover_place_begin(&place->one[0], law, law->parameters, law->heights);
-    place->law = law;
-    place->parameters = place->one[0].parameters;
-    place->per = place->one[0].per;
-    place->stall_summed = 0;
+    NAME(begin_place)(place, law);
     for (int lane = 0; lane < LANES; lane++) {
         const double *one = asked->scenarios + asked->row[lane < asked->lanes ? lane : 0];
-        rover_place *of = &place->one[lane];
-        if (lane)
-            *of = place->one[0];
-        rover_place_at(of, one[asked->count], one[0], one[2 * asked->count]);
-        rover_place_driven(of, law->weights);
+        NAME(settle)(place, lane, one[asked->count], one[0], one[2 * asked->count]);
         state->speed_m_s[lane] = one[3 * asked->count];
         state->offset[lane] = one[4 * asked->count];
-        const double *from = (const double *)&of->ground;
-        double *to = (double *)&place->ground + lane;
-        for (size_t i = 0; i < sizeof of->ground / sizeof *from; i++)
-            to[i * LANES] = from[i];
     }
     if (law->heights)
         state->height_m = NAME(height_of)(place, state, state->x_m, state->path_m, state->dig);
@@ -239,8 +250,10 @@ TARGET static double NAME(begin_whole)(NAME(whole_way) *whole, const rover_lanes
     return last_s;
 }
 
-/* Adds the times of a cell that begins at `start_s`; of the last cell, all that are left. */
-TEXT void NAME(add_whole)(NAME(whole_way) *whole, const rover_wholes *asked, const STATE *state, double start_s, int last)
+/* Adds the times of a cell that begins at `start_s`; of the last cell, all that are left. Without `heights` nothing is
+ * said of them and of the path. */
+TEXT void NAME(add_whole)(NAME(whole_way) *whole, const rover_wholes *asked, int heights, const STATE *state,
+                          double start_s, int last)
 {
     const double parts = ROVER_WHOLE_PARTS, late = 0.75 * ROVER_WHOLE_PARTS;
     double limit = start_s + state->cell_s + same_time_s;
@@ -255,16 +268,18 @@ TEXT void NAME(add_whole)(NAME(whole_way) *whole, const rover_wholes *asked, con
             break;
         NUMBER within = NAME(within)(state, time - start_s);
         NAME(moved)(state, within, NAME(lost_at)(state->rate_per_s, within), per_rate_s, &x, &speed);
-        NUMBER height = state->height_m + rise * within, faster = speed - state->speed_m_s;
+        NUMBER faster = speed - state->speed_m_s;
         NUMBER wheels = (state->front_rad_s + state->front_by_speed * faster)
             + (state->rear_rad_s + state->rear_by_speed * faster);
-        NUMBER along = x - whole->x_m, up = height - whole->height_m;
-        whole->path_m = PICK(now, whole->path_m + NAME(root)(along * along + up * up), whole->path_m);
+        if (heights) {
+            NUMBER height = state->height_m + rise * within, along = x - whole->x_m, up = height - whole->height_m;
+            whole->path_m = PICK(now, whole->path_m + NAME(root)(along * along + up * up), whole->path_m);
+            whole->height_m = PICK(now, height, whole->height_m);
+        }
         whole->wheels = PICK(now, whole->wheels + wheels, whole->wheels);
         whole->last_wheels = PICK(now, wheels, whole->last_wheels);
         whole->late_m = PICK(now & (whole->part <= late), x, whole->late_m);
         whole->x_m = PICK(now, x, whole->x_m);
-        whole->height_m = PICK(now, height, whole->height_m);
         whole->part = PICK(now, whole->part, whole->part - 1.0);
     }
     for (; whole->looked < asked->looks && (last || asked->look_s[whole->looked] <= limit); whole->looked++) {
@@ -343,7 +358,7 @@ TARGET static void NAME(drive)(const rover_lanes *asked)
         NAME(write)(asked, &tile, &state, start, until_s, at);
         int last = !(start + length < last_s - same_time_s);
         if (asked->wholes)
-            NAME(add_whole)(&whole, asked->wholes, &state, start, last);
+            NAME(add_whole)(&whole, asked->wholes, asked->law->heights != NULL, &state, start, last);
         if (last)
             break;
         NAME(end_cell)(&place, &state, length, &end, 1);
@@ -353,6 +368,3 @@ TARGET static void NAME(drive)(const rover_lanes *asked)
         NAME(write_whole)(asked, &whole);
     NAME(fill)(asked, at);
 }
-
-#undef JOINED
-#undef WITH_SUFFIX
