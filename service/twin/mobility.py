@@ -41,7 +41,7 @@ MOST_VALUES = 64  # of slopes and of torques
 MOST_CELL_SECONDS = 50_000.0
 CONFIDENCE = (0.75, 0.995)  # one-sided; bands are calibrated at two-sided levels of 0.5 to 0.99
 STEEPEST_STEP_DEG = 0.01
-_APART_DEG, _APART = 3.0, 8  # slopes between which no gap in the climb is looked for without a sign of it
+_COLUMNS = 8  # of a map that are looked at together
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -214,69 +214,20 @@ class _Ground:
 def _leading(ground: _Ground, torques: Array, slopes: Array, motion: _Motion) -> npt.NDArray[np.intp]:
     """How many slopes, from the lowest on, each torque climbs without a gap, (torque,).
 
-    Slopes at most _APART_DEG apart are looked at, then some between the last that is climbed and the first that is not.
-    One between two that are climbed is taken for climbed if the rover gets no less far there than on the steeper one;
-    else it is looked at too. What lies beyond a gap, where rovers stall and must be driven longest, is not.
+    Some slopes at a time: what lies beyond a gap, where rovers stall and must be driven longest, is not looked at.
     """
-    shape = len(torques), len(slopes)
-    if ground.twin.doubt is None:  # whose answers need no drives
-        cells = ground.scenarios(np.repeat(torques, shape[1]), np.tile(slopes, shape[0]))
-        return _gapless(ground.climbed(cells, motion).reshape(shape))
-    column = np.arange(shape[1])
-    known = _Known(motion.whole_m.reshape(shape), _steps_apart(slopes))
-    late_m = motion.last_part_m.reshape(shape)
-    wanted = np.logical_and.accumulate(late_m > 0.0, axis=1) & (column % known.apart == 0)
-    wanted[:, 0] = True
-    while wanted.any():
-        row, at = np.nonzero(wanted)
-        cells = ground.scenarios(torques[row], slopes[at])
-        known.climbed[row, at] = ground.climbed(cells, motion.only(row * shape[1] + at))
-        known.looked[row, at] = True
-        wanted = known.wanted()
-    return known.leading()
-
-
-def _gapless(climbed: Flags) -> npt.NDArray[np.intp]:
-    """How many slopes of (torque, slope), from the lowest on, are climbed without a gap, (torque,)."""
-    return np.asarray(np.logical_and.accumulate(climbed, axis=1).sum(axis=1))
-
-
-def _steps_apart(slopes: Array) -> int:
-    """How many steps of these slopes are no more than _APART_DEG, 1 at least."""
-    within = [bool((slopes[n:] - slopes[:-n] <= _APART_DEG).all()) for n in range(1, min(_APART + 1, len(slopes)))]
-    return max(1, within.index(False) if False in within else len(within))
-
-
-class _Known:
-    """Which cells of a map, (torque, slope), were looked at, and which of these are climbed."""
-
-    def __init__(self, whole_m: Array, apart: int) -> None:
-        """`whole_m` (torque, slope) are ways without an error; slopes so many steps apart are near each other."""
-        self.apart = apart
-        self.looked, self.climbed = (np.zeros(whole_m.shape, dtype=np.bool_) for _ in range(2))
-        self._whole_m, self._column = whole_m, np.arange(whole_m.shape[1])
-
-    def leading(self) -> npt.NDArray[np.intp]:
-        """How many slopes, from the lowest on, are climbed, or taken for it, without a gap, (torque,)."""
-        slopes = len(self._column)
-        none = len(self._column) + self.apart  # further from all than is near
-        before = np.maximum.accumulate(np.where(self.climbed, self._column, -none), axis=1)
-        after = np.minimum.accumulate(np.where(self.climbed, self._column, 2 * none)[:, ::-1], axis=1)[:, ::-1]
-        further = self._whole_m >= np.take_along_axis(self._whole_m, np.minimum(after, slopes - 1), axis=1)
-        taken = ~self.looked & (after - before <= self.apart) & further
-        return _gapless(self.climbed | taken)
-
-    def wanted(self) -> Flags:
-        """The cells to look at next: of each torque one, or those of a gap between two slopes that are climbed."""
-        slopes, leading = len(self._column), self.leading()[:, None]
-        failed = np.where(self.looked & ~self.climbed, self._column, slopes).min(axis=1, keepdims=True)
-        beyond = self.climbed & (self._column > leading) & (self._column < failed)
-        gap = beyond.any(axis=1, keepdims=True)
-        ends = np.where(beyond, self._column, slopes).min(axis=1, keepdims=True)
-        middle = np.minimum((leading - 1 + failed) // 2, leading - 1 + self.apart)
-        of_gap = gap & (self._column >= leading) & (self._column < ends)
-        of_end = ~gap & (leading < failed) & (self._column == np.maximum(middle, leading))
-        return np.asarray((of_gap | of_end) & ~self.looked)
+    leading, rows = np.zeros(len(torques), dtype=np.intp), np.arange(len(torques))
+    for first in range(0, len(slopes), _COLUMNS):
+        columns = np.arange(first, min(first + _COLUMNS, len(slopes)))
+        row, column = (each.ravel() for each in np.meshgrid(rows, columns, indexing="ij"))
+        scenarios = ground.scenarios(torques[row], slopes[column])
+        climbed = ground.climbed(scenarios, motion.only(row * len(slopes) + column)).reshape(len(rows), -1)
+        gapless = np.logical_and.accumulate(climbed, axis=1).sum(axis=1)
+        leading[rows] += gapless
+        rows = rows[gapless == len(columns)]
+        if not len(rows):
+            break
+    return leading
 
 
 def _steepest(

@@ -19,7 +19,7 @@ from service.learning.doubt.outcomes import LATE_SPEED_M_S
 from service.learning.trajectory_model import motion_by_difference
 from service.physics.prior import Prior
 from service.physics.scenario import Array, Motion, Positions, Scenarios
-from service.twin import NonFiniteError, Outcome, Scenario, Twin, mobility, sample_times
+from service.twin import NonFiniteError, Outcome, Scenario, Twin, sample_times
 from service.twin.load import load_twin
 from service.twin.mobility import STEEPEST_STEP_DEG, MobilityMap, mobility_map
 from service.twin.summary import LAST_PART, outcome_of
@@ -164,50 +164,6 @@ def test_the_ends_of_the_map_are_its_answers(twin):
     assert steepest(mobility_map(climbing, 430.0, TORQUES, SLOPES, 10.0, 0.9)) == [40.0] * 3
     assert steepest(mobility_map(climbing, 430.0, [60.0], [7.0], 10.0, 0.9)) == [7.0]
     assert steepest(mobility_map(parked, 430.0, [60.0], SLOPES, 10.0, 0.9)) == [None]
-
-
-@pytest.mark.parametrize(
-    ("mass_kg", "horizon_s", "confidence"), [(430.0, 10.0, 0.9), (300.0, 5.0, 0.75), (700.0, 60.0, 0.99)]
-)
-def test_no_gap_is_missed_where_not_every_slope_is_looked_at(champion, monkeypatch, mass_kg, horizon_s, confidence):
-    torques, slopes = np.linspace(10.0, 120.0, 12), np.linspace(-10.0, 32.0, 64)
-    found = mobility_map(champion, mass_kg, torques, slopes, horizon_s, confidence)
-    monkeypatch.setattr(mobility, "_APART_DEG", 0.0)
-    every = mobility_map(champion, mass_kg, torques, slopes, horizon_s, confidence)
-
-    assert found.steepest_climb_slope_deg == every.steepest_climb_slope_deg
-
-
-def climbed_where(ways_m: list[float], climbed: list[bool], apart: int) -> tuple[int, int]:
-    """How many slopes are taken for climbed without a gap, and how many were looked at."""
-    known = mobility._Known(np.array([ways_m]), apart)
-    while (wanted := known.wanted()).any():
-        known.looked |= wanted
-        known.climbed |= wanted & np.array([climbed])
-    return int(known.leading()[0]), int(known.looked.sum())
-
-
-@given(st.lists(st.tuples(st.booleans(), st.integers(0, 3)), min_size=1, max_size=30), st.integers(1, 8))
-def test_only_a_gap_where_the_rover_gets_further_than_on_a_steeper_slope_is_missed(cells, apart):
-    climbed, ways = [each[0] for each in cells], [float(each[1]) for each in cells]
-    first = climbed.index(False) if False in climbed else len(climbed)
-    found, _ = climbed_where(ways, climbed, apart)
-
-    assert found >= first
-    assert climbed_where(ways, climbed, 1)[0] == first
-    for slope in range(first, found):
-        if not climbed[slope]:
-            above = next(each for each in range(slope + 1, found) if climbed[each])
-            assert ways[slope] >= ways[above]
-            assert above - slope < apart
-
-
-def test_a_climb_that_ends_once_is_found_by_few_looks():
-    ways = list(np.linspace(8.0, 0.0, 64))
-    for leading in range(65):
-        found, looked = climbed_where(ways, [slope < leading for slope in range(64)], 4)
-        assert found == leading
-        assert looked <= leading / 4 + 6
 
 
 def test_wheels_that_nobody_knows_have_no_slip(twin):
