@@ -8,7 +8,7 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 from pydantic import BaseModel, Field
 from pydantic.json_schema import SkipJsonSchema
 
@@ -18,6 +18,7 @@ from service.api.http.limits.worker_threads import OverloadedError
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route
+from service.api.http.router import Router
 from service.api.services import Services, TheServices
 from service.errors import RoverTwinError
 from service.twin import Loaded
@@ -69,7 +70,7 @@ class ReadyAnswer(BaseModel):
     ] = None
 
 
-router = APIRouter(prefix="/health", tags=["health"], route_class=Route)
+router = Router(prefix="/health", tags=["health"], route_class=Route)
 
 
 @router.get("/live", summary="Is the process alive?")

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 import anyio.to_thread
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
@@ -16,6 +16,7 @@ from service.api.http.instruments import PREFIX
 from service.api.http.limits.worker_threads import OverloadedError
 from service.api.http.openapi import problem_responses
 from service.api.http.reading import Route
+from service.api.http.router import Router
 from service.api.services import Services, TheServices
 from service.errors import JobsUnavailableError
 
@@ -62,7 +63,7 @@ class _Residents(Collector):
         yield GaugeMetricFamily(f"{PREFIX}tokens_file_confirmed_age_seconds", confirmed, age_s)
 
 
-router = APIRouter(tags=["health"], route_class=Route)
+router = Router(tags=["health"], route_class=Route)
 
 
 @router.get(

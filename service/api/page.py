@@ -6,21 +6,17 @@ It is public where predictions need a token, too: nothing in it is secret, and i
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
-from typing import Any
 
 import orjson
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 
 from service.api.http.compression import SMALLEST_BYTES, Coding, compressed
 from service.api.http.delivery import Delivery
-from service.datasets.uploads.upload_form import UploadForm
-from service.jobs.request import TrainingJobRequest
-from service.wire.drives.question import DriveBody
-from service.wire.mobility import MobilityQuery
-from service.wire.prediction import PredictionQuery
+from service.api.http.router import Router
 
 _FOLDER = Path(__file__).parents[1] / "page"
 _HOME, _FIELDS = "index.html", "fields.json"
@@ -37,13 +33,6 @@ _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-_QUESTIONS: dict[str, type[BaseModel]] = {
-    "prediction": PredictionQuery,
-    "mobility": MobilityQuery,
-    "drive": DriveBody,
-    "upload": UploadForm,
-    "training": TrainingJobRequest,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,24 +63,41 @@ class _File:
 
 def _read() -> dict[str, _File]:
     """The files of the page by their names in it."""
-    found = {
+    return {
         path.relative_to(_FOLDER).as_posix(): _File(media_type, path.read_bytes())
         for path in sorted(_FOLDER.rglob("*"))
         if (media_type := _MEDIA_TYPES.get(path.suffix))
     }
-    return found | {_FIELDS: _File(_MEDIA_TYPES[".json"], orjson.dumps(_fields()))}
 
 
-def _fields() -> dict[str, dict[str, Any]]:
-    """What may be asked, as the OpenAPI document says it, which is a hundred times as long."""
-    return {name: asked.model_json_schema() for name, asked in _QUESTIONS.items()}
+@cache
+def _fields() -> _File:
+    """What may be asked, as the OpenAPI document says it, which is a hundred times as long.
+
+    Found out for the first who opens the page: a service that starts need not know what is uploaded and trained.
+    """
+    from service.datasets.uploads.upload_form import UploadForm  # noqa: PLC0415
+    from service.jobs.request import TrainingJobRequest  # noqa: PLC0415
+    from service.wire.drives.question import DriveBody  # noqa: PLC0415
+    from service.wire.mobility import MobilityQuery  # noqa: PLC0415
+    from service.wire.prediction import PredictionQuery  # noqa: PLC0415
+
+    questions: dict[str, type[BaseModel]] = {
+        "prediction": PredictionQuery,
+        "mobility": MobilityQuery,
+        "drive": DriveBody,
+        "upload": UploadForm,
+        "training": TrainingJobRequest,
+    }
+    found = {name: asked.model_json_schema() for name, asked in questions.items()}
+    return _File(_MEDIA_TYPES[".json"], orjson.dumps(found))
 
 
 _FILES = _read()
-PATHS = frozenset({"/", *(f"/page/{name}" for name in _FILES)})
+PATHS = frozenset({"/", *(f"/page/{name}" for name in (*_FILES, _FIELDS))})
 """All addresses of the page. Nobody needs a token for them."""
 
-router = APIRouter(include_in_schema=False)
+router = Router(include_in_schema=False)
 
 
 @router.get("/")
@@ -103,6 +109,8 @@ async def home(request: Request) -> Response:
 @router.get("/page/{name:path}")
 async def file(name: str, request: Request) -> Response:
     """One of the page's files. What is not one of them is not looked for on the disk."""
+    if name == _FIELDS:
+        return _fields().answer(request)
     if name not in _FILES:
         raise HTTPException(404)
     return _FILES[name].answer(request)

@@ -5,41 +5,36 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
 from typing import Annotated
 
 import typer
 from typer.main import get_command
 
 import service
-from service.cli.commands import (
-    copy_store,
-    dataset_preview,
-    datasets,
-    evaluate,
-    jobs,
-    mobility,
-    models,
-    openapi,
-    predict,
-    reproduce,
-    serve,
-    suggest_runs,
-    tokens,
-    train,
-    worker,
-)
 from service.cli.failures import EXIT_CODES_HELP, ExitCode, report
 from service.cli.output import note
 
 PROGRAM = "rover-twin"
 
-app = typer.Typer(
-    name=PROGRAM,
-    help="Where will the rover go on this slope, how sure are we, should it drive? "
-    "Predict, train and serve digital twins of a rover on regolith.",
-    epilog=EXIT_CODES_HELP,
-    no_args_is_help=True,
-    rich_markup_mode="rich",
+# In the order of the help. Each is a module of `commands`, whose function of the same name is the command, or whose
+# `app` is a group of them.
+COMMANDS = (
+    "serve",
+    "predict",
+    "mobility",
+    "train",
+    "worker",
+    "evaluate",
+    "reproduce",
+    "suggest-runs",
+    "models",
+    "datasets",
+    "jobs",
+    "tokens",
+    "copy-store",
+    "openapi",
 )
 
 
@@ -56,7 +51,6 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _program(
     context: typer.Context,
     debug: Annotated[bool, typer.Option("--debug", help="Show the traceback when a command fails.")] = False,
@@ -69,21 +63,31 @@ def _program(
     session.debug = debug
 
 
-app.command("serve")(serve.serve)
-app.command("predict")(predict.predict)
-app.command("mobility")(mobility.mobility)
-app.command("train")(train.train)
-app.command("worker")(worker.worker)
-app.command("evaluate")(evaluate.evaluate)
-app.command("reproduce")(reproduce.reproduce)
-app.command("suggest-runs")(suggest_runs.suggest_runs)
-app.add_typer(models.app)
-datasets.app.command("preview")(dataset_preview.preview_dataset)
-app.add_typer(datasets.app)
-app.add_typer(jobs.app)
-app.add_typer(tokens.app)
-app.command("copy-store")(copy_store.copy_store)
-app.command("openapi")(openapi.openapi)
+@cache
+def program(names: tuple[str, ...] = COMMANDS) -> typer.Typer:
+    """The command line with the commands of these names: what the others need is not imported."""
+    app = typer.Typer(
+        name=PROGRAM,
+        help="Where will the rover go on this slope, how sure are we, should it drive? "
+        "Predict, train and serve digital twins of a rover on regolith.",
+        epilog=EXIT_CODES_HELP,
+        no_args_is_help=True,
+        rich_markup_mode="rich",
+    )
+    app.callback()(_program)
+    for name in names:
+        module = import_module(f"service.cli.commands.{name.replace('-', '_')}")
+        if hasattr(module, "app"):
+            app.add_typer(module.app)
+        else:
+            app.command(name)(getattr(module, name.replace("-", "_")))
+    return app
+
+
+def _named(words: Sequence[str]) -> tuple[str, ...]:
+    """The command that these words ask for, as no option before it has a value; all where they name none."""
+    first = next((word for word in words if not word.startswith("-")), "")
+    return (first,) if first in COMMANDS else COMMANDS
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -91,7 +95,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     session = Session()
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        code = get_command(app).main(args=given, prog_name=PROGRAM, standalone_mode=False, obj=session)
+        command = get_command(program(_named(given)))
+        code = command.main(args=given, prog_name=PROGRAM, standalone_mode=False, obj=session)
     except KeyboardInterrupt:
         code = ExitCode.INTERRUPTED
     except Exception as error:

@@ -22,6 +22,11 @@ Store = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document instead of text.")]
 
 
+DatasetId = Annotated[
+    str, typer.Argument(metavar="ID", help="Id, unique start of an id (6 digits or more), or name of a dataset.")
+]
+
+
 def file_or_stdout(given: Path | None) -> Path | None:
     """None, which is stdout, for `-` as well."""
     return None if given == Path("-") else given

@@ -17,7 +17,7 @@ from typer.main import get_command
 
 from model_store import ModelStore
 from service.cli.failures import ExitCode
-from service.cli.main import app
+from service.cli.main import program
 from service.jobs.request import Budget, SplitRequest, TrainingJobRequest
 from tests.cli.conftest import call, start, write_runs
 
@@ -100,7 +100,7 @@ def test_the_help_states_the_defaults_that_a_request_has():
     defaults = {name: field.default for name, field in TrainingJobRequest.model_fields.items()}
     defaults |= {name: field.default for name, field in SplitRequest.model_fields.items()}
     defaults |= {"epochs": Budget().max_epochs, "minutes": Budget().max_minutes}
-    options = {each.name: each for each in get_command(app).commands["jobs"].commands["start"].params}
+    options = {each.name: each for each in get_command(program()).commands["jobs"].commands["start"].params}
     names = ["architecture", "prior", "x_form", "test_fraction", "seed", "epochs", "minutes", "promote", "margin"]
 
     for name in names:

@@ -10,12 +10,12 @@ from typer.main import get_command
 
 import service
 from service.cli.failures import ExitCode
-from service.cli.main import app
+from service.cli.main import program
 from tests.cli.conftest import SCENARIO, call
 
 
 def _commands(command=None, words=()):
-    command = command or get_command(app)
+    command = command or get_command(program())
     yield words
     for name, below in getattr(command, "commands", {}).items():
         yield from _commands(below, (*words, name))

@@ -14,7 +14,7 @@ from typer.main import get_command
 
 from service.cli.actions.command_line import command_line
 from service.cli.failures import ExitCode
-from service.cli.main import app
+from service.cli.main import program
 from service.learning.network.fit_config import FitConfig
 from service.training.config import TrainingConfig
 from tests.cli.conftest import TRAIN, call, start
@@ -84,7 +84,7 @@ _CONFIGS = st.builds(
 )
 
 
-_COMMANDS = get_command(app)
+_COMMANDS = get_command(program())
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import defaultdict
 from typing import Any
 
@@ -10,6 +11,7 @@ from fastapi.openapi.utils import get_openapi
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 from pydantic.json_schema import JsonSchemaMode, models_json_schema
+from pydantic.warnings import UnsupportedFieldAttributeWarning
 
 from service.api.http.problems import PROBLEM_MEDIA_TYPE, PROBLEMS, Problem, ProblemKind, Slug
 
@@ -78,14 +80,17 @@ def operation_id(route: APIRoute) -> str:
 def openapi_of(app: FastAPI) -> dict[str, Any]:
     """The whole document; computed once per app."""
     if app.openapi_schema is None:
-        document = get_openapi(
-            title=app.title,
-            version=app.version,
-            summary=app.summary,
-            description=app.description,
-            routes=app.routes,
-            tags=app.openapi_tags,
-        )
+        with warnings.catch_warnings():
+            # FastAPI does so where it makes its fields; what is deferred (service/__init__.py) is made here
+            warnings.simplefilter("ignore", UnsupportedFieldAttributeWarning)
+            document = get_openapi(
+                title=app.title,
+                version=app.version,
+                summary=app.summary,
+                description=app.description,
+                routes=app.routes,
+                tags=app.openapi_tags,
+            )
         _without_defaults(document)
         _json_first(document)
         problem = Problem.model_json_schema(ref_template=_COMPONENTS + "{model}")

@@ -24,7 +24,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from service.allowed import allowed_fields, allowed_values
+from service.allowed import Words, allowed_fields, allowed_values
 from service.api.http.exceptions import UnsupportedMediaTypeError
 from service.wire.faults import InvalidInputError, MalformedBodyError, fault, faults_of, require_unique
 
@@ -230,7 +230,7 @@ class Route(APIRoute):
         self.declare()
         bare = copy.copy(self)
         bare.dependant, bare.body_field = _bare(self.dependant), None
-        words = {each.name: _words_of(each) for each in self.dependant.path_params}
+        words = Words(lambda: {each.name: _words_of(each) for each in self.dependant.path_params})
         handle = APIRoute.get_route_handler(bare)
 
         async def handle_read(request: Request) -> Response:

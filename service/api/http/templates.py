@@ -33,7 +33,5 @@ class Templates:
 
 def _paths(routes: Iterable[Any]) -> Iterator[str]:
     for route in routes:
-        if (inner := getattr(route, "original_router", None)) is not None:  # how FastAPI keeps included routers
-            yield from _paths(inner.routes)
-        elif path := getattr(route, "path", None):
+        if path := getattr(route, "path", None):
             yield path

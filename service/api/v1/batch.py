@@ -6,7 +6,7 @@ import time
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 from starlette.responses import StreamingResponse
@@ -18,6 +18,7 @@ from service.api.http.negotiation import choose
 from service.api.http.openapi import form_of, problem_responses, schema_of
 from service.api.http.problems import Slug
 from service.api.http.reading import Route, parsed, require_json
+from service.api.http.router import Router
 from service.api.services import TheServices
 from service.physics.scenario import Array
 from service.twin import Count, Loaded
@@ -88,7 +89,7 @@ class BatchFormatQuery(FleetInputs):
     ] = None
 
 
-router = APIRouter(prefix=PATH, tags=["predictions"], responses=_RESPONSES, route_class=Route)
+router = Router(prefix=PATH, tags=["predictions"], responses=_RESPONSES, route_class=Route)
 
 
 @router.post(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from starlette.responses import StreamingResponse
 
 from service.api.http.delivery import Delivery
@@ -15,6 +15,7 @@ from service.api.http.negotiation import choose
 from service.api.http.openapi import form_of, problem_responses, schema_of
 from service.api.http.problems import Slug
 from service.api.http.reading import Route, parsed, require_json
+from service.api.http.router import Router
 from service.api.services import TheServices
 from service.api.v1.batch import BatchFormatQuery, columns_bytes
 from service.twin import Loaded, NonFiniteError, OutsideDomainError
@@ -77,7 +78,7 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
     ),
 }
 
-router = APIRouter(prefix=PATH, tags=["drives"], responses=_RESPONSES, route_class=Route)
+router = Router(prefix=PATH, tags=["drives"], responses=_RESPONSES, route_class=Route)
 
 
 @router.post(

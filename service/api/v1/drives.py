@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Body, Query, Request, Response
+from fastapi import Body, Query, Request, Response
 
 from service.api.http.compression import Coding
 from service.api.http.delivery import Delivery
@@ -12,6 +12,7 @@ from service.api.http.lanes import LaneRoute
 from service.api.http.negotiation import choose
 from service.api.http.openapi import form_of, problem_responses
 from service.api.http.problems import Slug
+from service.api.http.router import Router
 from service.api.services import TheServices
 from service.twin.drives import DriveQuestion
 from service.wire.drives.answer import DriveAnswer
@@ -115,7 +116,7 @@ def _simple(question: DriveQuestion) -> bool:
     return len(question.ground.distance_m) + len(question.controls.time_s) <= _SHORT_TEXT
 
 
-router = APIRouter(prefix=PATH, tags=["drives"], responses=RESPONSES)
+router = Router(prefix=PATH, tags=["drives"], responses=RESPONSES)
 router.add_api_route(
     "",
     create_drive,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route
+from service.api.http.router import Router
 from service.api.services import Services, TheServices
 from service.api.v1.models import MODEL_PROBLEMS, Name, Version, require_name
 from service.fmu import Fmi, fmu_bytes, tag_of
@@ -44,7 +45,7 @@ class FmuQuery(BaseModel):
     fmi: Annotated[Fmi, Field(description="Version of the FMI standard.", examples=["2.0"])] = Fmi.TWO
 
 
-router = APIRouter(prefix="/v1/models", tags=["models"], responses=_RESPONSES, route_class=Route)
+router = Router(prefix="/v1/models", tags=["models"], responses=_RESPONSES, route_class=Route)
 
 
 @router.get(

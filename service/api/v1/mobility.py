@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import orjson
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 
 from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.http.negotiation import choose
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route
+from service.api.http.router import Router
 from service.api.services import TheServices
 from service.physics.scenario import Array
 from service.twin import Count, Loaded
@@ -68,7 +69,7 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
     ),
 }
 
-router = APIRouter(prefix="/v1/mobility", tags=["mobility"], responses=_RESPONSES, route_class=Route)
+router = Router(prefix="/v1/mobility", tags=["mobility"], responses=_RESPONSES, route_class=Route)
 
 
 @router.get("", summary="Where the rover climbs, stalls and slides", response_class=Response, response_model=None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import Path, Request, Response
 from pydantic import BaseModel
 
 from model_store import (
@@ -21,6 +21,7 @@ from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route
+from service.api.http.router import Router
 from service.api.services import TheServices
 from service.wire.forms.numbers import dump
 from service.wire.whole_numbers import PLAIN_INTEGER
@@ -55,7 +56,7 @@ class ModelsAnswer(BaseModel):
 
 MODEL_PROBLEMS = (Slug.ARTEFACT_CORRUPT, Slug.UNSUPPORTED_FORMAT, Slug.STORE_UNAVAILABLE, Slug.OVERLOADED)
 
-router = APIRouter(
+router = Router(
     prefix="/v1/models",
     tags=["models"],
     responses=problem_responses(*MODEL_PROBLEMS),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Body, Query, Request, Response
+from fastapi import Body, Query, Request, Response
 
 from service.api.http.compression import IDENTITY
 from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
@@ -12,6 +12,7 @@ from service.api.http.lanes import LaneRoute
 from service.api.http.negotiation import choose
 from service.api.http.openapi import form_of, problem_responses
 from service.api.http.problems import Slug
+from service.api.http.router import Router
 from service.api.http.sent_headers import first_sent
 from service.api.services import Services, TheServices
 from service.twin import Loaded
@@ -133,7 +134,7 @@ def _computed(
     return delivery.response(written(form, subject, placement), subject.headers())
 
 
-router = APIRouter(prefix="/v1/predictions", tags=["predictions"], responses=_RESPONSES)
+router = Router(prefix="/v1/predictions", tags=["predictions"], responses=_RESPONSES)
 router.add_api_route(
     "",
     get_prediction,

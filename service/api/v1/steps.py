@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
@@ -13,6 +13,7 @@ from service.api.http.negotiation import choose
 from service.api.http.openapi import form_of, problem_responses, schema_of
 from service.api.http.problems import Slug
 from service.api.http.reading import parsed, require_json
+from service.api.http.router import Router
 from service.api.services import TheServices
 from service.api.v1.stepping import Stepping, problems
 from service.wire.steps.answer import StepsAnswer, encode_steps
@@ -108,7 +109,7 @@ def _answer(question: StepsQuestion, found: Stepped, form: StepsFormat) -> Respo
     return Response(content, headers=headers, media_type=STEPS_MEDIA_TYPES[form])
 
 
-router = APIRouter(prefix=PATH, tags=["drives"], responses=_RESPONSES)
+router = Router(prefix=PATH, tags=["drives"], responses=_RESPONSES)
 router.add_api_route(
     "",
     create_steps,

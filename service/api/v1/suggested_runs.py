@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 
 from model_store import Manifest, ModelStore
 from service.api.http.negotiation import choose
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route
+from service.api.http.router import Router
 from service.api.services import TheServices
 from service.api.v1.models import Name, Version, require_name
 from service.errors import InvalidValueError
@@ -49,7 +50,7 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
 }
 
 
-router = APIRouter(
+router = Router(
     prefix="/v1/models/{name}/versions/{version}/suggested-runs",
     tags=["models"],
     responses=_RESPONSES,

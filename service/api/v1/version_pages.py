@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import Query, Request, Response
 from pydantic import BaseModel, ConfigDict
 from pydantic.json_schema import SkipJsonSchema
 
@@ -15,6 +15,7 @@ from service.api.http.negotiation import choose
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route
+from service.api.http.router import Router
 from service.api.services import Services, TheServices
 from service.api.v1.models import MODEL_PROBLEMS, Name, Version, require_name
 from service.errors import CheckpointError, MissingPartError
@@ -49,7 +50,7 @@ def _responses(model: type[BaseModel], description: str) -> dict[int | str, dict
     }
 
 
-router = APIRouter(prefix="/v1/models/{name}/versions/{version}", tags=["models"], route_class=Route)
+router = Router(prefix="/v1/models/{name}/versions/{version}", tags=["models"], route_class=Route)
 
 
 @router.get(

@@ -14,6 +14,7 @@ from fastapi import Response
 from pydantic import BaseModel, Field
 
 from service.api.http.errors import Told
+from service.api.http.openapi import schema_of
 from service.api.http.problems import PROBLEMS, Slug
 from service.errors import RoverTwinError
 
@@ -55,9 +56,8 @@ def failure(error: Exception, tell: Callable[[Exception], Told]) -> Response:
 
 def failure_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """The `responses` of a route that can fail in these ways, or by a fault of the service."""
-    return {
-        status: {"model": InferenceFailure, "description": _MEANINGS[status]} for status in sorted({*statuses, 500})
-    }
+    content = {"application/json": {"schema": schema_of(InferenceFailure)}}
+    return {status: {"description": _MEANINGS[status], "content": content} for status in sorted({*statuses, 500})}
 
 
 def _response(status: int, detail: str, headers: Mapping[str, str]) -> Response:

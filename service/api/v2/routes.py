@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Annotated, Any, TypeVar
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import Path, Request, Response
 from pydantic import BaseModel, Field
 
 import service
@@ -16,6 +16,7 @@ from service.api.http.exceptions import NotReadyError
 from service.api.http.lanes import LaneRoute
 from service.api.http.openapi import schema_of
 from service.api.http.reading import Route, parsed, validated
+from service.api.http.router import Router
 from service.api.services import Services, TheServices
 from service.api.v2.answer import Bounds, Call, InferenceAnswer, answer, read
 from service.api.v2.failures import PREFIX, failure_responses
@@ -37,7 +38,7 @@ _READ_AT_ONCE = 4096  # bytes of a body that the event loop itself may read
 Body = TypeVar("Body", bound=BaseModel)
 Endpoint = TypeVar("Endpoint", bound=Callable[..., Any])
 
-router = APIRouter(prefix=PREFIX, tags=["inference protocol"], responses=failure_responses(), route_class=Route)
+router = Router(prefix=PREFIX, tags=["inference protocol"], responses=failure_responses(), route_class=Route)
 _OF_MODEL = failure_responses(404, 501, 503)
 
 Name = Annotated[str, Path(description="Name of a model.", examples=["viper-lunar"])]

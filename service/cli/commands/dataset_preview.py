@@ -9,7 +9,6 @@ import typer
 
 from service.cli import options
 from service.cli.answer_forms import chosen_form, write_content
-from service.cli.commands.datasets import Identity
 from service.cli.failures import UsageError
 from service.cli.store_access import open_store
 
@@ -17,7 +16,7 @@ _KINDS = ("svg", "png", "html")
 
 
 def preview_dataset(
-    dataset: Identity,
+    dataset: options.DatasetId,
     file: Annotated[
         Path | None,
         typer.Argument(

@@ -11,6 +11,7 @@ import typer
 
 from service.cli import options
 from service.cli.actions.dataset_findings import tell_findings
+from service.cli.commands.dataset_preview import preview_dataset
 from service.cli.failures import ExitCode, RefusedError, UsageError
 from service.cli.output import make_table, note, print_answer, print_json
 from service.cli.recording_options import FrameWord, ReferenceWord, StartWord
@@ -31,9 +32,6 @@ app = typer.Typer(
 Folder = Annotated[
     Path,
     typer.Argument(metavar="FOLDER", help="Folder with passport.json, runs.csv and the files that runs.csv lists."),
-]
-Identity = Annotated[
-    str, typer.Argument(metavar="ID", help="Id, unique start of an id (6 digits or more), or name of a dataset.")
 ]
 Sets = Annotated[
     list[str] | None, typer.Option("--set", help="Only the runs of this set of runs.csv. Repeatable. Default: all.")
@@ -85,7 +83,7 @@ def list_datasets(store: options.Store = None, json: options.Json = False) -> No
 
 
 @app.command("show")
-def show_dataset(dataset: Identity, store: options.Store = None, json: options.Json = False) -> None:
+def show_dataset(dataset: options.DatasetId, store: options.Store = None, json: options.Json = False) -> None:
     """Show one dataset: ranges of slope, mass, torque and time, its sets and columns, where it came from.
 
     Examples:
@@ -286,7 +284,10 @@ def upload_file(
 
 @app.command("delete")
 def delete_dataset(
-    dataset: Identity, store: options.Store = None, database: options.Database = None, json: options.Json = False
+    dataset: options.DatasetId,
+    store: options.Store = None,
+    database: options.Database = None,
+    json: options.Json = False,
 ) -> None:
     """Delete a dataset. Refused (exit code 4) while a model version was trained on it or an unfinished job names it.
 
@@ -327,7 +328,7 @@ def forget_name(
 
 @app.command("export")
 def export_dataset(
-    dataset: Identity,
+    dataset: options.DatasetId,
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to make; it must not exist yet.")],
     store: options.Store = None,
     json: options.Json = False,
@@ -372,3 +373,6 @@ def _findings_table(findings: tuple[Finding, ...]) -> Table:
         row = "" if each.row is None else str(each.row)
         table.add_row(str(each.severity), each.file, row, each.column or "", str(each.code), each.message)
     return table
+
+
+app.command("preview")(preview_dataset)

@@ -10,7 +10,7 @@ import re
 from datetime import datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Body, Header, Response
+from fastapi import Body, Header, Response
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
@@ -20,6 +20,7 @@ from service.api.http.exceptions import PreconditionFailedError, PreconditionReq
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route
+from service.api.http.router import Router
 from service.api.services import TheServices
 from service.api.v1.models import MODEL_PROBLEMS, Alias, Name, require_name
 from service.wire.faults import InvalidInputError, fault
@@ -99,10 +100,8 @@ IfNoneMatch = Annotated[
     Header(description="`*`: only if there is no such alias yet.", json_schema_extra={"enum": [ANY]}),
 ]
 
-reading = APIRouter(
-    prefix="/v1/models", tags=["models"], responses=problem_responses(*MODEL_PROBLEMS), route_class=Route
-)
-moving = APIRouter(
+reading = Router(prefix="/v1/models", tags=["models"], responses=problem_responses(*MODEL_PROBLEMS), route_class=Route)
+moving = Router(
     prefix="/v1/models", tags=["models"], responses=problem_responses(*MODEL_PROBLEMS), route_class=AdminRoute
 )
 

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from typing import Annotated
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
@@ -14,6 +14,7 @@ from service.access.token_file import NAME_PATTERN
 from service.api.admin import ADMIN_PROBLEMS, Admin, SecretRoute, audit_call
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
+from service.api.http.router import Router
 from service.api.services import TheServices
 from service.errors import AuditUnavailableError
 from service.jobs.audit import MOST_LISTED, AuditEntry
@@ -23,7 +24,7 @@ ADDRESS = "/v1/admin/audit"
 _HIGHEST = 2**63 - 1
 _MOMENT = {"x-allowed": "a time such as 2026-11-28T09:00:00Z"}
 
-router = APIRouter(
+router = Router(
     prefix=ADDRESS,
     tags=["audit"],
     route_class=SecretRoute,

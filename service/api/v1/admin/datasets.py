@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, Path, Query, Request, Response
+from fastapi import Depends, Path, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
@@ -29,6 +29,7 @@ from service.api.http.limits.worker_threads import OverloadedError
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import query_pairs
+from service.api.http.router import Router
 from service.api.http.upload_body import receive_upload, upload_folder
 from service.api.services import Services, TheServices
 from service.api.v1.admin.dataset_answers import (
@@ -92,7 +93,7 @@ class PreviewQuery(BaseModel):
 _STORE_PROBLEMS = (Slug.ARTEFACT_CORRUPT, Slug.UNSUPPORTED_FORMAT, Slug.STORE_UNAVAILABLE, Slug.OVERLOADED)
 _NO_DATASET = problem_responses(Slug.INVALID_INPUT, Slug.DATASET_NOT_FOUND)
 
-router = APIRouter(
+router = Router(
     prefix=ADDRESS,
     tags=["datasets"],
     dependencies=[Depends(require_admin)],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Annotated
 
-from fastapi import APIRouter, Body, Depends, Header, Path, Query, Request, Response
+from fastapi import Body, Depends, Header, Path, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
@@ -18,6 +18,7 @@ from service.api.http.negotiation import choose
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import words_of
+from service.api.http.router import Router
 from service.api.services import Services, TheServices
 from service.api.v1.admin.idempotency import idempotency_key
 from service.api.v1.admin.job_answers import (
@@ -99,7 +100,7 @@ class EventsQuery(_Query):
 _JOB = problem_responses(Slug.JOB_NOT_FOUND)
 _LAST_EVENT_DESCRIPTION = "The last `id` that was received; the stream continues after it. It wins over `after`."
 
-router = APIRouter(
+router = Router(
     prefix=ADDRESS,
     tags=["training jobs"],
     route_class=AdminRoute,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from datetime import datetime
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Body, Query, Response
+from fastapi import Body, Query, Response
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.json_schema import SkipJsonSchema
 
@@ -22,6 +22,7 @@ from service.api.http.exceptions import PreconditionFailedError
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route
+from service.api.http.router import Router
 from service.api.services import Services, TheServices
 from service.api.v1.admin.aliases import ANY, IfMatch, etag_of, said_of, tags_of
 from service.api.v1.models import MODEL_PROBLEMS, Name, Version, require_name
@@ -65,10 +66,8 @@ class VersionStateAnswer(BaseModel):
     reason: str | None = None
 
 
-reading = APIRouter(
-    prefix="/v1/models", tags=["models"], responses=problem_responses(*MODEL_PROBLEMS), route_class=Route
-)
-changing = APIRouter(
+reading = Router(prefix="/v1/models", tags=["models"], responses=problem_responses(*MODEL_PROBLEMS), route_class=Route)
+changing = Router(
     prefix="/v1/admin/models", tags=["models"], responses=problem_responses(*MODEL_PROBLEMS), route_class=AdminRoute
 )
 
