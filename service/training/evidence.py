@@ -66,8 +66,8 @@ class _Evaluated(_Simulated):
 RunT = TypeVar("RunT", bound=BaseModel)
 
 
-_SIMULATED = TypeAdapter(Annotated[list[_Simulated], Field(max_length=MAX_RUNS)])
-_EVALUATED = TypeAdapter(Annotated[list[_Evaluated], Field(max_length=MAX_RUNS)])
+_SIMULATED = TypeAdapter(Annotated[list[_Simulated], Field(max_length=MAX_RUNS)], config=ConfigDict(defer_build=True))
+_EVALUATED = TypeAdapter(Annotated[list[_Evaluated], Field(max_length=MAX_RUNS)], config=ConfigDict(defer_build=True))
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,7 +50,7 @@ class LeftOutRun(BaseModel):
         return regime_of(self.slope_deg, self.torque_nm, self.horizon_s, self.final_x_m, varies=self.varies)
 
 
-_RUNS = TypeAdapter(Annotated[list[LeftOutRun], Field(max_length=MAX_RUNS)])
+_RUNS = TypeAdapter(Annotated[list[LeftOutRun], Field(max_length=MAX_RUNS)], config=ConfigDict(defer_build=True))
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, create_model
 
+from service.allowed import Words
 from service.errors import InvalidValueError
 from service.physics.scenario import Array
 from service.settings import LIMITS
@@ -34,11 +35,14 @@ MAX_SCENARIOS = 1000
 _FIELDS = PredictionInputs.model_fields
 _OF_SCENARIO = ("slope_deg", "mass_kg", "torque_nm", "horizon_s")
 _SHARED = tuple(name for name in _FIELDS if name not in _OF_SCENARIO)
-BATCH_WORDS = {name: ALLOWED[name] for name in (*_OF_SCENARIO, *_SHARED)} | {
-    "scenarios": f"a list of 1 to {MAX_SCENARIOS} scenarios"
-}
+BATCH_WORDS = Words(
+    lambda: {
+        **{name: ALLOWED[name] for name in (*_OF_SCENARIO, *_SHARED)},
+        "scenarios": f"a list of 1 to {MAX_SCENARIOS} scenarios",
+    }
+)
 """What each field of a batch allows."""
-_SCENARIO_WORDS = {name: ALLOWED[name] for name in _OF_SCENARIO}
+_SCENARIO_WORDS = Words(lambda: {name: ALLOWED[name] for name in _OF_SCENARIO})
 _BODY_FIELDS = ("scenarios", *_SHARED)
 _NUMBERS = frozenset({float, int})  # of JSON, without true and false
 _LOWEST, _HIGHEST = np.array(
@@ -62,7 +66,7 @@ class BatchScenario(BaseModel):
     ]
 
 
-_scenarios = TypeAdapter(list[BatchScenario])
+_scenarios = TypeAdapter(list[BatchScenario], config=ConfigDict(defer_build=True))
 
 _EXAMPLE: dict[str, Any] = {
     "scenarios": [

@@ -52,7 +52,6 @@ from service.api.http.exceptions import (
 )
 from service.api.http.limits.worker_threads import ClientGoneError, OverloadedError
 from service.api.http.negotiation import NotAcceptableError
-from service.api.http.openapi import openapi_of
 from service.api.http.problems import PROBLEM_MEDIA_TYPE, PROBLEMS, Slug
 from service.datasets.file_names import printable
 from service.datasets.findings import Finding
@@ -200,8 +199,9 @@ def own_path(scope: Scope) -> str:
 def _methods_of(request: Request) -> str:
     """All methods of the address; the router itself names those of one route only."""
     path = getattr(request.scope.get("route"), "path", "")
-    methods = openapi_of(request.app)["paths"].get(path, {"get": {}})
-    return ", ".join(sorted(method.upper() for method in methods))
+    routes = [each for each in request.app.routes if getattr(each, "path", None) == path]
+    methods = {method for each in routes for method in getattr(each, "methods", None) or ()}
+    return ", ".join(sorted(methods - {"HEAD"} or {"GET"}))  # HEAD goes without saying
 
 
 def told(error: Exception) -> Told:

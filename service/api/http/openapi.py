@@ -88,7 +88,7 @@ def openapi_of(app: FastAPI) -> dict[str, Any]:
                 version=app.version,
                 summary=app.summary,
                 description=app.description,
-                routes=app.routes,
+                routes=[getattr(each, "made", each) for each in app.routes],  # those that are late are made now
                 tags=app.openapi_tags,
             )
         _without_defaults(document)

@@ -101,7 +101,7 @@ class RoverStep(BaseModel):
     ]
 
 
-_step, _steps = TypeAdapter(RoverStep), TypeAdapter(list[RoverStep])
+_step, _steps = TypeAdapter(RoverStep), TypeAdapter(list[RoverStep], config=ConfigDict(defer_build=True))
 _NONE_BEFORE: frozenset[str] = frozenset()
 _EXAMPLE: dict[str, Any] = {
     "rovers": [
