@@ -9,9 +9,11 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
+import resource
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -2, -3, -8  # of malloc.h
 _ARENAS = 1  # threads seldom allocate at once: nearly all of it happens under the interpreter lock
@@ -19,6 +21,7 @@ _OWN_PAGES_BYTES = 8 << 20  # blocks from there on have pages of their own, whic
 # What the arena keeps of freed memory, and how much more it asks for than it needs, which costs nothing until it is
 # used. Without them a request for a thousand rovers takes 2,000 pages from the system and gives them back: 8 of 30 ms.
 _KEPT_BYTES, _AHEAD_BYTES = 32 << 20, 16 << 20
+_STATM = Path("/proc/self/statm")
 _OBJECTS_BETWEEN_LOOKS = 5_000  # Python's 700 are what a dozen requests make, and nothing of it stays
 
 
@@ -54,6 +57,32 @@ def limit_arenas() -> None:
         library.mallopt(_M_MMAP_THRESHOLD, _OWN_PAGES_BYTES)
         library.mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)
         library.mallopt(_M_TOP_PAD, _AHEAD_BYTES)
+
+
+class Excess:
+    """What was freed and has stayed. glibc gives back the end of its arena only, and one small block there holds all.
+
+    Looked at from time to time: where the process has grown by more than the arena may keep, what is free goes back.
+    """
+
+    def __init__(self) -> None:
+        self._least_bytes = _resident_bytes()
+
+    def look(self) -> None:
+        """Takes microseconds, or milliseconds where there is much to give back."""
+        if (now := _resident_bytes()) > self._least_bytes + _KEPT_BYTES:
+            give_back()
+            self._least_bytes = _resident_bytes()
+        else:
+            self._least_bytes = min(self._least_bytes, now)
+
+
+def _resident_bytes() -> int:
+    """Memory of this process; 0 where the system does not say it so."""
+    try:
+        return int(_STATM.read_bytes().split()[1]) * resource.getpagesize()
+    except OSError:
+        return 0
 
 
 def give_back() -> None:

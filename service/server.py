@@ -26,11 +26,12 @@ from service.api.services import Lifecycle
 from service.api.v1 import live
 from service.app import create_app, error_answers
 from service.log import configure_logging
-from service.memory import limit_arenas, settle, uncollected
+from service.memory import Excess, limit_arenas, settle, uncollected
 from service.processes import run_processes
 from service.settings import Settings, require_tokens
 
 _TICKS_OF_A_SECOND = 10
+_TICKS_BETWEEN_LOOKS = 100  # at memory
 _LAST_S = 1.0  # beyond drain and grace, for what a process tidies up
 _PARTING_S = 5.0  # in which live connections hand back what they keep
 
@@ -48,6 +49,7 @@ class Server(uvicorn.Server):
     def __init__(self, config: uvicorn.Config, lifecycle: Lifecycle, drain_s: float, connections: Connections) -> None:
         super().__init__(config)
         self._connections = connections
+        self._excess = Excess()
         self._lifecycle = lifecycle
         self._drain_s = drain_s
         self._ends_at: float | None = None
@@ -99,6 +101,8 @@ class Server(uvicorn.Server):
         """Called ten times a second; true ends the serving."""
         if counter % _TICKS_OF_A_SECOND == 0:
             self._connections.sweep()
+        if counter % _TICKS_BETWEEN_LOOKS == 0:
+            self._excess.look()
         if self._lifecycle.draining and not self._connections.ending:
             self._connections.announce_end()
         if not self.should_exit and self._ends_at is not None and time.monotonic() >= self._ends_at:

@@ -47,6 +47,41 @@ def test_freed_memory_goes_back():
     assert given_back < kept
 
 
+_KEEPING = """
+import gc
+import numpy as np
+import pyarrow
+from service.memory import Excess, settle
+
+def resident_kib():
+    return next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmRSS"))
+
+pyarrow.array([1.0]).cast("float32")  # loads what casts
+excess, before = Excess(), resident_kib()
+for _ in range(3):
+    blocks = [np.ones(12_000) for _ in range(2_000)]  # 192 MB
+    tables = [pyarrow.array(np.arange(12_000.0) + row).cast("float32") for row in range(500)]
+    del blocks, tables
+    freed = resident_kib() - before
+    excess.look()
+settle()
+print(freed, resident_kib() - before)
+print(pyarrow.default_memory_pool().backend_name, gc.get_freeze_count(), gc.get_threshold()[0])
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the settings are glibc's")
+def test_what_is_kept_of_freed_memory_is_bounded_without_being_asked_for():
+    limited = "from service.memory import limit_arenas; limit_arenas()\n"
+    done = subprocess.run([sys.executable, "-c", limited + _KEEPING], check=True, capture_output=True, text=True)
+    freed_kib, kept_kib, pool, frozen, threshold = done.stdout.split()
+    assert int(freed_kib) > 100 * 1024  # one small block holds all that lies before it
+    assert int(kept_kib) < (32 + 16) * 1024
+    assert pool == "system"
+    assert int(frozen) > 10_000
+    assert int(threshold) == 5_000
+
+
 def growth_kib(*, limited):
     command = [sys.executable, "-c", _PROGRAM.format(limited=limited)]
     return int(subprocess.run(command, check=True, capture_output=True).stdout)
