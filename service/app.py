@@ -22,6 +22,7 @@ from service.api import health, metrics, page
 from service.api.access import Access
 from service.api.admin import Gate
 from service.api.http import docs
+from service.api.http.application import Application
 from service.api.http.connections.connection import HEALTH_PATHS
 from service.api.http.errors import ErrorAnswers
 from service.api.http.instruments import Instruments
@@ -190,7 +191,7 @@ class _Chosen(NamedTuple):
 
 
 def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Chosen, waiting: WaitingBytes) -> FastAPI:
-    app = FastAPI(
+    app = Application(
         title="Rover Twin",
         version=service.__version__,
         summary="Where will the rover go, how sure are we, should it drive?",

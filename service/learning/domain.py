@@ -158,7 +158,7 @@ class Domain:
         known = self.neighbourhood
         if known is None:
             return DomainVerdict(not reasons, reasons)
-        return _with_nearest(reasons, known.nearest_to(known.place_of(slope_deg, mass_kg, torque_nm)), known.limit)
+        return _with_nearest(reasons, known.nearest_to(known.place_at(slope_deg, mass_kg, ratio)), known.limit)
 
     def holds_run(self, run: ObservedRun) -> bool:
         """Whether a run is inside: as `judge` has it, or, where it varies, by what it goes through alone."""
@@ -169,11 +169,12 @@ class Domain:
 
     def _reasons(self, values: Sequence[float]) -> tuple[DomainReason, ...]:
         """What is outside by itself; `values` are in the order of FIELDS."""
-        return tuple(
+        found = [
             DomainReason(name, value, lowest, highest)
             for (name, lowest, highest), value in zip(self._spans, values, strict=True)
             if not lowest <= value <= highest
-        )
+        ]
+        return tuple(found)
 
     def judge_many(self, slope_deg: Array, mass_kg: Array, torque_nm: Array, horizon_s: Array) -> DomainVerdicts:
         """The verdicts on many, whose columns have shape (scenario,)."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from ctypes import addressof, c_double
 from dataclasses import asdict, astuple, dataclass, field
 from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from service.learning.drive.library import address, contiguous, library
 from service.learning.observed import ObservedRun
 from service.physics.parameters import RegolithParameters, RoverParameters
 from service.physics.scenario import Array, Scenarios
@@ -28,6 +30,7 @@ _SMALLEST_LIMIT = 1e-6  # degrees made radians and back must not put a lone run 
 NEAREST = 3
 MAX_RUNS = 100_000
 _CELLS_AT_ONCE = 1_000_000
+_Found = c_double * (2 * NEAREST)
 FEW = 32  # times fewer cells at once: what fits the processor's caches is made much sooner
 
 
@@ -63,7 +66,8 @@ class Neighbourhood:
     regolith: RegolithParameters
     places: Array = field(init=False)
     _values: tuple[tuple[Any, ...], ...] = field(init=False, repr=False)
-    _coordinates: tuple[Array, ...] = field(init=False, repr=False)  # of `places`, one after the other
+    _columns: Array = field(init=False, repr=False)  # `places` as the engine reads them, (3, run)
+    _columns_at: int = field(init=False, repr=False)
     _scale: Array = field(init=False, repr=False)
     _points: Points = field(init=False, repr=False)
 
@@ -80,7 +84,8 @@ class Neighbourhood:
         object.__setattr__(self, "_values", tuple(map(astuple, self.runs)))
         object.__setattr__(self, "_scale", np.array(self.scales))
         object.__setattr__(self, "places", self.coordinates(_scenarios(self.runs)))
-        object.__setattr__(self, "_coordinates", tuple(np.ascontiguousarray(self.places.T)))
+        object.__setattr__(self, "_columns", contiguous(self.places.T))
+        object.__setattr__(self, "_columns_at", address(self._columns))
         object.__setattr__(self, "_points", Points.of(self.places))
 
     @classmethod
@@ -121,18 +126,12 @@ class Neighbourhood:
         """Distance of each scenario to each run, shape (scenario, run)."""
         return np.asarray(np.linalg.norm(self.coordinates(scenarios)[:, None] - self.places, axis=2), dtype=np.float64)
 
-    def nearest_to(self, place: Sequence[float]) -> tuple[NearestRun, ...]:
+    def nearest_to(self, place: tuple[float, float, float]) -> tuple[NearestRun, ...]:
         """The runs nearest to one place, three numbers, nearest first; of equals the first one."""
-        first, second, third = self._coordinates
-        squares = np.square(first - place[0])
-        squares += np.square(second - place[1])
-        squares += np.square(third - place[2])
-        found = []
-        for _ in range(min(NEAREST, len(self.runs))):
-            at = int(squares.argmin())
-            found.append(self._near(at, math.sqrt(squares.item(at))))
-            squares[at] = np.inf
-        return tuple(found)
+        wanted, found = min(NEAREST, len(self.runs)), _Found()
+        library().rover_nearest(len(self.runs), self._columns_at, *place, wanted, addressof(found))
+        told: list[float] = found[: 2 * wanted]
+        return tuple([self._near(int(at), math.sqrt(square)) for at, square in zip(told[::2], told[1::2], strict=True)])
 
     def nearest_many(self, places: Array, count: int = NEAREST) -> tuple[npt.NDArray[np.intp], Array]:
         """Which runs are nearest to each place (scenario, 3), and their distances: both (scenario, up to `count`).
@@ -160,7 +159,10 @@ class Neighbourhood:
 
     def place_of(self, slope_deg: float, mass_kg: float, torque_nm: float) -> tuple[float, float, float]:
         """`places_of` one place, in plain numbers: in a tenth of the time."""
-        ratio = torque_ratio_of(self.rover, self.regolith, mass_kg, torque_nm)
+        return self.place_at(slope_deg, mass_kg, torque_ratio_of(self.rover, self.regolith, mass_kg, torque_nm))
+
+    def place_at(self, slope_deg: float, mass_kg: float, ratio: float) -> tuple[float, float, float]:
+        """The same by the torque ratio."""
         slope, torque, mass = self.scales
         return slope_deg / slope, math.log(max(ratio, _SMALLEST_TORQUE_RATIO)) / torque, math.log(mass_kg) / mass
 

@@ -87,7 +87,7 @@ def summary_of(
     end = account.end_x_m - account.start_x_m
     late_speed, mean_speed = (account.end_x_m - account.late_x_m) / (LAST_PART * horizon_s), end / horizon_s
     found = class_of(late_speed, end)
-    outcome = NAMED[found.value] if likeliest is None or is_sure(found, late_speed) else likeliest(late_speed, end)
+    outcome = NAMED[found] if likeliest is None or is_sure(found, late_speed) else likeliest(late_speed, end)
     slip = slip_ratio(rover, mean_speed, account.wheels_rad_s)
     return Summary(outcome, account.end_x_m, account.end_height_m, account.path_m, mean_speed, slip)
 

@@ -324,9 +324,10 @@ class TwinRegistry:
 
     def _touched(self, place: tuple[str, int]) -> Twin | None:
         """The twin as the most recently used one. Needs the lock."""
-        if place in self._twins:
+        twin = self._twins.get(place)
+        if twin is not None:
             self._twins.move_to_end(place)
-        return self._twins.get(place)
+        return twin
 
     def _drop_least_used(self, keep: tuple[str, int]) -> None:
         """Drop twins over the capacity, never the default model's nor the one just loaded."""

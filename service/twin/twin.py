@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -97,7 +98,7 @@ class Twin:
         manifest = self.manifest
         files = ",".join(each.sha256 for each in manifest.files.values())
         text = f"{manifest.name}@{manifest.version} {manifest.created_at.isoformat()} {files}"
-        object.__setattr__(self, "fingerprint", text)
+        object.__setattr__(self, "fingerprint", hashlib.sha256(text.encode()).hexdigest())
 
     @property
     def name(self) -> str:

@@ -107,6 +107,8 @@ class StageInputs(BaseModel):
 
         Their defaults ask for nothing; generated clients send them with every question.
         """
+        if _NAMES.isdisjoint(self.model_fields_set):
+            return
         fields, asked = type(self).model_fields, _NAMES & self.model_fields_set
         changed = sorted(name for name in asked if getattr(self, name) != fields[name].default)
         if form != "usda" and changed:

@@ -106,6 +106,16 @@ def test_the_nearest_runs_come_nearest_first_and_the_distance_is_the_first_ones(
     assert distances == pytest.approx(np.sort(everyone)[:3])
 
 
+@given(st.floats(-45, 45), st.floats(50, 2000), st.floats(0, 300))
+def test_of_runs_that_are_equally_near_the_first_comes_first(slope, mass, torque):
+    known = DOMAIN.neighbourhood
+    again = [replace(run, run=f"{run.run} again") for run in known.runs]
+    twice = replace(known, runs=(*known.runs, *again))
+    order, distances = twice.nearest_many(twice.places_of(slope, mass, torque)[np.newaxis])
+
+    assert twice.nearest_to(twice.place_of(slope, mass, torque)) == twice.nearest_runs(order[0], distances[0])
+
+
 def test_a_training_run_is_its_own_nearest_and_tells_its_left_out_error():
     domain = gap_domain()
     known, unknown = domain.judge(0, 300, 50, 4).nearest_runs[0], domain.judge(30, 900, 150, 4).nearest_runs[0]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from bisect import bisect_left
 from collections.abc import Sequence
-from typing import Self
+from typing import Any, Self
 
 from prometheus_client import (
     CollectorRegistry,
@@ -68,8 +68,8 @@ class Instruments:
             ProcessCollector(registry=own)
             PlatformCollector(registry=own)
         self._versions: dict[tuple[str, int], tuple[str, str]] = {}
-        self._answered: dict[tuple[str, str, int], tuple[Counter, SeriesOfTimes]] = {}
-        self._computed: dict[tuple[str, str], tuple[SeriesOfTimes, dict[Outcome, Counter]]] = {}
+        self._answered: dict[tuple[str, str, int], tuple[Any, SeriesOfTimes]] = {}
+        self._computed: dict[tuple[str, str], tuple[SeriesOfTimes, dict[str, Any]]] = {}
         self._driven: dict[tuple[str, str], tuple[Histogram, dict[DriveOutcome, Counter]]] = {}
         self._requests = Counter(
             f"{PREFIX}http_requests", "Answered requests.", ("method", "route", "status"), registry=own
@@ -147,6 +147,7 @@ class Instruments:
         )
         self._processes.set(1)
         self._running.set(0)
+        self._open = self._running._value  # the series itself, as in `SeriesOfTimes`
 
     @classmethod
     def shared(cls, folder: str, index: int) -> Self:
@@ -161,19 +162,19 @@ class Instruments:
 
     def begun(self) -> None:
         """A request came in."""
-        self._running.inc()
+        self._open.inc(1)
 
     def ended(self, method: str, route: str, status: int, seconds: float) -> None:
         """It was answered; `route` is a template. Status 0: its answer was cut off before it began."""
         method = method if method in _METHODS else _OTHER
-        self._running.dec()
+        self._open.inc(-1)
         # found once: prometheus-client takes longer to find a series than to count in it
         place = method, route, status
         series = self._answered.get(place)
         if series is None:
             requests, durations = self._requests.labels(method, route, str(status)), self._seconds.labels(method, route)
-            series = self._answered[place] = requests, SeriesOfTimes(durations)
-        series[0].inc()
+            series = self._answered[place] = requests._value, SeriesOfTimes(durations)
+        series[0].inc(1)
         series[1].observe(seconds)
 
     def refused(self, reason: str) -> None:
@@ -194,10 +195,10 @@ class Instruments:
         compute, by_outcome = self._computed.get(labels) or self._series_of(labels)
         compute.observe(seconds)
         if len(outcomes) == 1:
-            by_outcome[outcomes[0]].inc()
+            by_outcome[outcomes[0]._value_].inc(1)  # members of enumerations are slow keys
         else:
             for outcome in set(outcomes):
-                by_outcome[outcome].inc(outcomes.count(outcome))
+                by_outcome[outcome._value_].inc(outcomes.count(outcome))
         if outside:
             self._outside.labels(*labels).inc(outside)
 
@@ -236,8 +237,8 @@ class Instruments:
         if not inside:
             self._drives_outside.labels(*labels).inc()
 
-    def _series_of(self, labels: tuple[str, str]) -> tuple[SeriesOfTimes, dict[Outcome, Counter]]:
-        by_outcome = {outcome: self._scenarios.labels(*labels, outcome.value) for outcome in Outcome}
+    def _series_of(self, labels: tuple[str, str]) -> tuple[SeriesOfTimes, dict[str, Any]]:
+        by_outcome = {each.value: self._scenarios.labels(*labels, each.value)._value for each in Outcome}
         series = self._computed[labels] = SeriesOfTimes(self._compute.labels(*labels)), by_outcome
         return series
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
-import os
+import random
 import re
 import time
 from collections.abc import Callable, Sequence
@@ -25,7 +26,9 @@ ANSWERED = "service.answered"
 
 REQUEST_ID = "X-Request-ID"
 _HEADER = REQUEST_ID.lower().encode()
-_ID_BYTES = 16
+# No page of ours is shown inside another one, and no answer is guessed to be of another kind than it says.
+_CAREFUL = ((b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"no-referrer"))
+_ID_BITS = 128
 _SAFE_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 # asked every few seconds, by machines
 QUIET = frozenset({"/health/live", "/health/ready", "/v2/health/live", "/v2/health/ready", "/metrics"})
@@ -37,6 +40,8 @@ _log = logging.getLogger(REQUESTS)
 
 class RequestLog:
     """ASGI middleware, to be the outermost one. Logs the route's template, never the path: that may hold anything.
+
+    Every answer gets the request's id, and headers that tell browsers to be careful.
 
     `template_of` finds the template for requests that were refused on their way to it.
     """
@@ -76,7 +81,7 @@ class RequestLog:
                 status = message["status"]
                 if (tell := scope.get(ANSWERED)) is not None:
                     await tell(status)
-                message["headers"] = [*message.get("headers", ()), header]
+                message["headers"] = [*message.get("headers", ()), *_CAREFUL, header]
             await send(message)
 
         token = request_id.set(name)
@@ -87,11 +92,15 @@ class RequestLog:
                 raise
             await self.answer_to(error, own_path(scope))(scope, receive, noting)
         finally:
-            route = self._route_of(scope)
             seconds = time.perf_counter() - began
-            _write(scope["method"], route, status, seconds, name, client)
-            self.instruments.ended(scope["method"], route, status, seconds)
+            # in the next round of the loop: this one first sends what was answered
+            asyncio.get_running_loop().call_soon(self._ended, scope, status, seconds, name, client)
             request_id.reset(token)
+
+    def _ended(self, scope: Scope, status: int, seconds: float, name: str, client: str) -> None:
+        route = self._route_of(scope)
+        _write(scope["method"], route, status, seconds, name, client)
+        self.instruments.ended(scope["method"], route, status, seconds)
 
     async def _connection(self, scope: Scope, receive: Receive, send: Send) -> None:
         """The line of a connection is written when it is over; its status is the close code that the server sent."""
@@ -129,18 +138,28 @@ def client_of(peer: tuple[str, int] | None, headers: Sequence[tuple[bytes, bytes
 
 def write_refusal(method: str, status: int, seconds: float, client: str) -> None:
     """The line of a request that was refused before there was one."""
-    _write(method, NO_ROUTE, status, seconds, os.urandom(_ID_BYTES).hex(), client)
+    _write(method, NO_ROUTE, status, seconds, _new_id(), client)
 
 
 def _write(method: str, route: str, status: int, seconds: float, name: str, client: str) -> None:
     level = logging.DEBUG if route in QUIET else logging.INFO
     if _log.isEnabledFor(level):
-        duration_ms = round(seconds * 1000, 2)
-        said = {"method": method, "route": route, "status": status, "duration_ms": duration_ms}
-        said |= {"client": client, "request_id": name}
+        said = {
+            "method": method,
+            "route": route,
+            "status": status,
+            "duration_ms": round(seconds * 1000, 2),
+            "client": client,
+            "request_id": name,
+        }
         _log.handle(RequestRecord(level, said))  # by hand: `log` would look for the calling line first
 
 
 def _id_of(scope: Scope) -> str:
-    sent = first_sent(scope, _HEADER) or ""
-    return sent if _SAFE_ID.fullmatch(sent) else os.urandom(_ID_BYTES).hex()
+    sent = first_sent(scope, _HEADER)
+    return sent if sent is not None and _SAFE_ID.fullmatch(sent) else _new_id()
+
+
+def _new_id() -> str:
+    """No secret, and so without a call of the system: only no two are to be the same."""
+    return f"{random.getrandbits(_ID_BITS):032x}"

@@ -1,12 +1,9 @@
-"""What HTTP asks of every address alike: HEAD wherever there is GET, and headers that tell browsers to be careful."""
+"""What HTTP asks of every address alike: HEAD wherever there is GET."""
 
 from __future__ import annotations
 
 import anyio
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
-
-# No page of ours is shown inside another one, and no answer is guessed to be of another kind than it says.
-_CAREFUL = ((b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"no-referrer"))
 
 
 class Semantics:
@@ -17,23 +14,14 @@ class Semantics:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
-        if scope["type"] != "http":
+        if scope["type"] != "http" or scope["method"] != "HEAD":
             await self.app(scope, receive, send)
-            return
-
-        async def careful(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                message["headers"] = [*message.get("headers", ()), *_CAREFUL]
-            await send(message)
-
-        if scope["method"] != "HEAD":
-            await self.app(scope, receive, careful)
             return
         with anyio.CancelScope() as enough:
 
             async def without_body(message: Message) -> None:
                 if message["type"] == "http.response.start":
-                    await careful(message)
+                    await send(message)
                     # a stream of events would go on for hours
                     await send({"type": "http.response.body", "body": b"", "more_body": False})
                     enough.cancel()

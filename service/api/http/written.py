@@ -8,7 +8,8 @@ from functools import lru_cache
 from fastapi import Response
 from starlette.types import Receive, Scope, Send
 
-_OWN = frozenset({"ETag", "Content-Range"})  # different with each answer: to remember them is no use
+# different with each answer: to remember them is no use
+_OWN = frozenset({"ETag", "Content-Range", "Inference-Header-Content-Length"})
 
 
 class Written(Response):

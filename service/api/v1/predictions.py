@@ -104,7 +104,9 @@ async def _predict(
 ) -> Response:
     stage.require_usd(form)
     placement = stage.placement()
-    require_few_points(asked, services.settings.max_points)
+    points = asked.points
+    if points > services.settings.max_points:
+        require_few_points(asked, services.settings.max_points)
     loaded = await services.twin(asked.model)
     encoder = ENCODERS[form]
     delivery = Delivery.of(request, encoder.media_type, text=encoder.text)
@@ -112,7 +114,7 @@ async def _predict(
         delivery = delivery.cacheable(request, loaded, asked.model, asked.question() + placement.question())
         if nothing_new := delivery.not_modified():
             return nothing_new
-    if loaded.twin.model.quick and asked.points <= _points_at_once(encoder, delivery):
+    if loaded.twin.model.quick and points <= _points_at_once(encoder, delivery):
         return _computed(asked, (form, placement), loaded, delivery, services)
     return await services.predictions.run(
         lambda: _computed(asked, (form, placement), loaded, delivery, services), asker=request

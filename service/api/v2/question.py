@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from service.api.v2.signature import (
     INPUT_TYPES,
     INPUTS,
     OUTPUTS,
+    REQUIRED,
     InputTensor,
     OutputTensor,
 )
@@ -34,6 +36,7 @@ _IGNORED_PARAMETERS = frozenset({"priority", "timeout", "headers", "content_type
 _IGNORED_PREFIX = "triton_"
 _SHARED_MEMORY = "shared_memory_"
 _NUMBERS = frozenset({int, float})
+_SLOPE = Frame.SLOPE  # to find a member of an enumeration takes as long as an array operation
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +92,9 @@ def _require_known(parameters: Parameters) -> None:
 
 
 def _frame(parameters: Parameters) -> Frame:
-    asked = parameters.get("frame", Frame.SLOPE.value)
+    asked = parameters.get("frame")
+    if asked is None:
+        return _SLOPE
     if asked not in list(Frame):
         raise InvalidInputError(fault("frame", asked, ALLOWED["frame"]))
     return Frame(asked)
@@ -143,7 +148,7 @@ def _count(sent: RequestedInput) -> int:
     if len(sent.shape) not in (1, 2) or sent.shape[0] == 0 or sent.shape[1:] not in ([], [1]):
         allowed = "one dimension of at least 1, and after it none or one of 1"
         raise InvalidInputError(fault(f"{sent.name}.shape", str(sent.shape), allowed))
-    if any(name.startswith(_SHARED_MEMORY) for name in sent.parameters):
+    if sent.parameters and any(name.startswith(_SHARED_MEMORY) for name in sent.parameters):
         raise UnsupportedError(f"{sent.name}: tensors in shared memory are not supported; send the values")
     return sent.shape[0]
 
@@ -177,6 +182,8 @@ def _from_json(sent: RequestedInput, count: int) -> npt.NDArray[np.float64]:
         at = next(at for at, value in enumerate(data) if not abs(value) < 1e300)
         raise InvalidInputError(fault(f"{sent.name}[{at}]", data[at], _allowed(INPUTS[sent.name]))) from None
     kind = INPUT_TYPES[sent.datatype]
+    if kind == values.dtype:
+        return values
     if kind.kind == "f":
         with np.errstate(over="ignore"):  # infinity is out of every range
             return values.astype(kind).astype(np.float64)
@@ -189,6 +196,8 @@ def _from_json(sent: RequestedInput, count: int) -> npt.NDArray[np.float64]:
 
 
 def _within(known: InputTensor, values: Array) -> Array:
+    if len(values) == 1 and known.lowest <= values.item() <= known.highest:
+        return values
     fits = (values >= known.lowest) & (values <= known.highest)  # NaN fits nowhere
     if not fits.all():
         at = int(fits.argmin())
@@ -202,22 +211,23 @@ def _allowed(known: InputTensor) -> str:
 
 def _scenarios(columns: Mapping[str, Array], dt_s: float | None, max_points: int) -> tuple[tuple[Scenario, ...], Array]:
     """The scenarios and their times."""
-    required = [each.name for each in INPUTS.values() if each.required]
-    missing = [name for name in required if name not in columns]
-    if missing:
+    required = REQUIRED
+    if missing := [name for name in required if name not in columns]:
         raise InvalidInputError(*(_missing(INPUTS[name]) for name in missing))
     count = len(columns[required[0]])
     if count > MAX_SCENARIOS:
         raise InvalidInputError(fault(f"{required[0]}.shape", f"[{count}]", f"[1] to [{MAX_SCENARIOS}]"))
     for name in required[1:]:
-        _require_shape(name, columns[name], [count], f"[{count}], as that of {required[0]}")
+        if len(columns[name]) != count:
+            _require_shape(name, columns[name], [count], f"[{count}], as that of {required[0]}")
     if "time_s" in columns:
         time_s = _times(columns, dt_s, count, max_points)
         horizons = [float(time_s[-1])] * count
     else:
-        horizon_s = columns.get("horizon_s", np.array([DEFAULT_HORIZON_S]))
-        _require_shape("horizon_s", horizon_s, [1, count], f"[1] or [{count}], as that of {required[0]}")
-        horizons = np.broadcast_to(horizon_s, count).tolist()
+        horizons = [DEFAULT_HORIZON_S] * count
+        if (sent := columns.get("horizon_s")) is not None:
+            _require_shape("horizon_s", sent, [1, count], f"[1] or [{count}], as that of {required[0]}")
+            horizons = sent.tolist() * (1 if len(sent) == count else count)
         time_s = bounded_grid(horizons, dt_s or DEFAULT_STEP_S, max_points)
     rows = zip(*(columns[name].tolist() for name in required), horizons, strict=True)
     return tuple(Scenario(*row) for row in rows), time_s
@@ -251,7 +261,7 @@ def _times(columns: Mapping[str, Array], dt_s: float | None, count: int, max_poi
 
 def _outputs(request: InferenceRequest, frame: Frame, twin: Twin) -> tuple[Wanted, ...]:
     binary = _flag(request.parameters, "binary_data_output", default=False)
-    there = {name: each for name, each in OUTPUTS.items() if frame in each.frames and (twin.band or not each.of_band)}
+    there = _offered(frame, twin.band is not None)
     if not request.outputs:
         return tuple(Wanted(each, binary) for each in there.values() if each.usual)
     wanted: dict[str, Wanted] = {}
@@ -265,3 +275,9 @@ def _outputs(request: InferenceRequest, frame: Frame, twin: Twin) -> tuple[Wante
             raise UnsupportedError(f"output {asked.name}: neither classification nor shared memory is supported")
         wanted[asked.name] = Wanted(there[asked.name], _flag(asked.parameters, "binary_data", binary))
     return tuple(wanted.values())
+
+
+@cache
+def _offered(frame: Frame, with_band: bool) -> Mapping[str, OutputTensor]:
+    """The outputs in a frame, of a version that has a band or none."""
+    return {name: each for name, each in OUTPUTS.items() if frame in each.frames and (with_band or not each.of_band)}

@@ -15,8 +15,9 @@ from service.api.admin import Admin, AdminRoute
 from service.api.http.exceptions import NotReadyError
 from service.api.http.lanes import LaneRoute
 from service.api.http.openapi import schema_of
-from service.api.http.reading import Route, parsed, validated
+from service.api.http.reading import Route, parsed, validated, whole_body
 from service.api.http.router import Router
+from service.api.http.sent_headers import first_sent
 from service.api.services import Services, TheServices
 from service.api.v2.answer import Bounds, Call, InferenceAnswer, answer, read
 from service.api.v2.failures import PREFIX, failure_responses
@@ -34,6 +35,7 @@ from service.api.v2.statistics_answer import ModelStatistics
 from service.api.v2.wire import HEADER_LENGTH, InferenceRequest
 
 EXTENSIONS = ("binary_tensor_data", "model_repository", "model_configuration", "parameters", "statistics")
+_HEADER_LENGTH = HEADER_LENGTH.lower().encode()
 _READ_AT_ONCE = 4096  # bytes of a body that the event loop itself may read
 Body = TypeVar("Body", bound=BaseModel)
 Endpoint = TypeVar("Endpoint", bound=Callable[..., Any])
@@ -283,8 +285,8 @@ async def unload_model(name: Name, request: Request, services: TheServices, _: A
 async def _infer(reference: str, request: Request, services: Services) -> Response:
     arrived_ns = time.perf_counter_ns()
     loaded = await services.twin(reference)
-    encoding = request.headers.get("content-encoding", "").strip().lower()
-    call = Call(await request.body(), request.headers.get(HEADER_LENGTH), encoding, arrived_ns)
+    encoding = (first_sent(request.scope, b"content-encoding") or "").strip().lower()
+    call = Call(await whole_body(request), first_sent(request.scope, _HEADER_LENGTH), encoding, arrived_ns)
     bounds = Bounds(services.settings.max_points, services.settings.max_body_bytes)
     if len(call.body) <= _READ_AT_ONCE and not encoding:
         inference = read(call, loaded, bounds, services.statistics)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from service.physics.scenario import Array
 from service.settings import LIMITS
-from service.twin import Frame, PredictionBatch
+from service.twin import Frame, Prediction, PredictionBatch
+from service.twin.summary import Outcome
 
 DEFAULT_HORIZON_S = 10.0
 DEFAULT_STEP_S = 0.05
@@ -25,6 +27,51 @@ Values = npt.NDArray[Any] | list[str]
 _BOTH = frozenset(Frame)
 _SLOPE = frozenset({Frame.SLOPE})
 _WORLD = frozenset({Frame.WORLD})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answered:
+    """What was predicted, as outputs are taken from it: columns (scenario, time), `time_s` (time,) where it is shared.
+
+    `counts` and `inside` have shape (scenario,), `outside` is how many are outside. Prior and band are None unless
+    asked for.
+    """
+
+    time_s: Array
+    counts: npt.NDArray[np.intp]
+    trajectory: Mapping[str, Array]
+    prior: Mapping[str, Array] | None
+    band: Mapping[str, Array] | None
+    outcomes: tuple[Outcome, ...]
+    inside: npt.NDArray[np.bool_]
+    outside: int
+
+    @classmethod
+    def of_one(cls, found: Prediction) -> Self:
+        """One prediction; its arrays are views of those there."""
+        time_s = found.trajectory["time_s"]
+        return cls(
+            time_s,
+            np.array([len(time_s)], dtype=np.intp),
+            _rows(found.trajectory),
+            None if found.prior is None else _rows(found.prior),
+            None if found.band is None else _rows(found.band.columns()),
+            (found.summary.outcome,),
+            np.array([found.domain.inside]),
+            int(not found.domain.inside),
+        )
+
+    @classmethod
+    def of_many(cls, found: PredictionBatch) -> Self:
+        """Many predictions."""
+        band = None if found.band is None else found.band.columns()
+        outcomes, inside = found.summaries.outcome, found.domain.inside
+        outside = len(inside) - int(inside.sum())
+        return cls(found.time_s, found.counts, found.trajectory, found.prior, band, outcomes, inside, outside)
+
+
+def _rows(columns: Mapping[str, Array]) -> dict[str, Array]:
+    return {name: column[np.newaxis] for name, column in columns.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +95,7 @@ class OutputTensor:
     rank: int
     unit: str
     meaning: str
-    take: Callable[[PredictionBatch], Values]
+    take: Callable[[Answered], Values]
     usual: bool = False
     frames: frozenset[Frame] = _BOTH
     of_band: bool = False
@@ -68,15 +115,17 @@ INPUTS = {
         InputTensor("time_s", "s", 0.0, LIMITS.horizon_s[1], "times to answer at, rising; ends the horizon", False),
     )
 }
+REQUIRED = tuple(each.name for each in INPUTS.values() if each.required)
+"""Names of the inputs that each request has."""
 
 
 def _position(name: str, frames: frozenset[Frame], meaning: str) -> tuple[OutputTensor, OutputTensor]:
-    def of_prior(batch: PredictionBatch) -> Values:
-        assert batch.prior is not None
-        return batch.prior[name]
+    def of_prior(answered: Answered) -> Values:
+        assert answered.prior is not None
+        return answered.prior[name]
 
     return (
-        OutputTensor(name, "FP64", 2, "m", meaning, lambda batch: batch.trajectory[name], usual=True, frames=frames),
+        OutputTensor(name, "FP64", 2, "m", meaning, lambda found: found.trajectory[name], usual=True, frames=frames),
         OutputTensor(
             f"prior_{name}",
             "FP64",
@@ -93,9 +142,9 @@ def _position(name: str, frames: frozenset[Frame], meaning: str) -> tuple[Output
 def _bound(axis: str, side: str) -> OutputTensor:
     name = f"{axis}_{side}_m"
 
-    def take(batch: PredictionBatch) -> Values:
-        assert batch.band is not None
-        return batch.band.columns()[name]
+    def take(answered: Answered) -> Values:
+        assert answered.band is not None
+        return answered.band[name]
 
     return OutputTensor(name, "FP64", 2, "m", f"{side} edge of the band of {axis}_m", take, frames=_SLOPE, of_band=True)
 
@@ -113,7 +162,7 @@ OUTPUTS = {
             1,
             "s",
             "times of the positions; of shape [scenario, time] where horizons differ",
-            lambda batch: batch.time_s,
+            lambda found: found.time_s,
             usual=True,
         ),
         _X,
@@ -125,7 +174,7 @@ OUTPUTS = {
             1,
             "",
             "climbs, stalls or slides",
-            lambda batch: [each.value for each in batch.summaries.outcome],
+            lambda found: [str(each) for each in found.outcomes],
             usual=True,
         ),
         OutputTensor(
@@ -134,7 +183,7 @@ OUTPUTS = {
             1,
             "",
             "whether training runs are near the scenario",
-            lambda batch: batch.domain.inside,
+            lambda found: found.inside,
             usual=True,
         ),
         _PRIOR_X,
@@ -147,7 +196,7 @@ OUTPUTS = {
             2,
             "m/s",
             "speed along the slope in both frames, positive uphill",
-            lambda batch: batch.trajectory["speed_m_s"],
+            lambda found: found.trajectory["speed_m_s"],
             of_speed=True,
         ),
         OutputTensor(
@@ -156,7 +205,7 @@ OUTPUTS = {
             1,
             "",
             "how many samples a scenario has; what follows repeats its last one",
-            lambda batch: batch.counts.astype("<i8", copy=False),
+            lambda found: found.counts.astype("<i8", copy=False),
         ),
     )
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import zlib
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
@@ -9,34 +10,31 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 from fastapi import HTTPException, Response
-from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, ValidationError
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, ErrorDetails
 
 from service.api.http.exceptions import BodyTooLargeError, UnsupportedMediaTypeError
 from service.api.http.reading import parsed
+from service.api.http.written import Written
 from service.api.v2.signature import Values
 from service.wire.faults import MAX_FAULTS, InputFault, InvalidInputError, fault
-from service.wire.forms.numbers import column_text, dump
+from service.wire.forms.numbers import column_text, dump_finite
 
 HEADER_LENGTH = "Inference-Header-Content-Length"
 _GZIP_OR_ZLIB = 32 + zlib.MAX_WBITS  # zlib tells the two apart by their first bytes
+
+# marks of byte order that are little-endian here
+_LITTLE = "<|=" if sys.byteorder == "little" else "<|"
 
 Parameters = dict[str, str | bool | int | float]
 _WITH_PARAMETERS = "an object of texts, numbers, true or false"
 
 
 class _Part(BaseModel):
-    """Some clients write null where they have nothing to say."""
+    """Some clients write null where they have nothing to say: `request_of` takes it away."""
 
     model_config = ConfigDict(strict=True, allow_inf_nan=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _without_nulls(cls, value: Any) -> Any:  # noqa: ANN401 - whatever was sent
-        if not isinstance(value, dict) or None not in value.values():
-            return value
-        return {name: each for name, each in value.items() if each is not None}
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
@@ -129,11 +127,30 @@ def split(body: bytes, header_length: str | None) -> tuple[bytes, memoryview]:
 
 def request_of(content: bytes) -> InferenceRequest:
     """The JSON part of a request. Raises MalformedBodyError and InvalidInputError."""
+    sent = parsed(content, {})
+    if b"null" in content:
+        sent = _without_nulls(sent)
     try:
-        return InferenceRequest.model_validate(parsed(content, {}))
+        found: InferenceRequest = InferenceRequest.__pydantic_validator__.validate_python(sent)
     except ValidationError as error:
         faults = {each.field: each for each in map(_fault, error.errors(include_url=False))}
         raise InvalidInputError(*list(faults.values())[:MAX_FAULTS]) from None
+    return found
+
+
+def _without_nulls(sent: Any) -> Any:  # noqa: ANN401 - whatever was sent
+    """A request, and its tensors, without members that are null."""
+    if not isinstance(sent, dict):
+        return sent
+    said = _said(sent)
+    for name in ("inputs", "outputs"):
+        if isinstance(said.get(name), list):
+            said[name] = [_said(each) if isinstance(each, dict) else each for each in said[name]]
+    return said
+
+
+def _said(part: dict[str, Any]) -> dict[str, Any]:
+    return {name: each for name, each in part.items() if each is not None}
 
 
 def _fault(error: ErrorDetails) -> InputFault:
@@ -152,7 +169,7 @@ def _fault(error: ErrorDetails) -> InputFault:
 def response_of(document: Mapping[str, Any], outputs: Sequence[tuple[dict[str, Any], Values, bool]]) -> Response:
     """The answer: `document` with these outputs, each its description, its values and whether it goes in binary.
 
-    Raises NonFiniteError.
+    All numbers are finite: who predicts has seen to it.
     """
     tail: list[bytes | memoryview] = []
     described = []
@@ -163,21 +180,20 @@ def response_of(document: Mapping[str, Any], outputs: Sequence[tuple[dict[str, A
             described.append(output | {"parameters": {"binary_data_size": size}})
         else:
             described.append(output | {"data": _in_text(output["name"], values)})
-    head = dump({**document, "outputs": described})
+    head = dump_finite({**document, "outputs": described})
     if not tail:
-        return Response(head, media_type="application/json")
-    headers = {HEADER_LENGTH: str(len(head))}
-    return Response(b"".join([head, *tail]), headers=headers, media_type="application/octet-stream")
+        return Written(head, {"Content-Type": "application/json"})
+    headers = {"Content-Type": "application/octet-stream", HEADER_LENGTH: str(len(head))}
+    return Written(b"".join([head, *tail]), headers)
 
 
 def _in_text(name: str, values: Values) -> object:
     """Columns over time have the digits that every text has."""
     if isinstance(values, list):
         return values
-    flat = _row_major(values).ravel()
-    if values.ndim < 2:
-        return flat
-    return column_text(name, flat)
+    if values.ndim == 1:
+        return column_text(name, values) if name == "time_s" else _row_major(values)
+    return column_text(name, _row_major(values).ravel())
 
 
 def _binary(values: Values) -> tuple[bytes | memoryview, int]:
@@ -191,4 +207,6 @@ def _binary(values: Values) -> tuple[bytes | memoryview, int]:
 
 def _row_major(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Contiguous and little-endian; not copied where it is so already."""
+    if values.flags.c_contiguous and values.dtype.byteorder in _LITTLE:
+        return values
     return np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))

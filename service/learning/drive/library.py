@@ -183,6 +183,7 @@ _ARGUMENTS: dict[str, tuple[list[type], type | None]] = {
         None,
     ),
     "rover_scenario": ([*[_POINTER] * 3, *[_NUMBER] * 3, *[_POINTER] * 3], None),
+    "rover_nearest": ([_INTEGER, _POINTER, *[_NUMBER] * 3, _INTEGER, _POINTER], None),
     "rover_step": ([_POINTER, _INTEGER, *[_POINTER] * 4], None),
     "rover_step_fleet": ([_POINTER, _INTEGER, *[_POINTER] * 3], None),
     "rover_sweep": ([_POINTER, _INTEGER, _INTEGER, _POINTER, _INTEGER, _POINTER, _POINTER, _INTEGER, _POINTER], None),

@@ -31,8 +31,15 @@ HEADS = {
 WRONG = {"name": (b"a b", b"c"), "value": (b"a", b"b\r\nc: d"), "tag": (b"etag", b"\x00")}
 
 
-def written_by(kind: type[RequestResponseCycle], head, *, method="GET", keep_alive=True, own=()) -> bytes:
+def written_by(kind: type[RequestResponseCycle], head, **asked) -> bytes:
     """The bytes of an answer, and whether the connection stays."""
+    return b"".join(writes(kind, head, **asked))
+
+
+def writes(
+    kind: type[RequestResponseCycle], head, *, method="GET", keep_alive=True, own=(), status=200, body=(BODY,)
+) -> list[bytes]:
+    """The same, write by write; `body` comes in so many messages."""
     sent: list[bytes] = []
     closed: list[bool] = []
     transport = SimpleNamespace(write=sent.append, close=lambda: closed.append(True))
@@ -51,11 +58,12 @@ def written_by(kind: type[RequestResponseCycle], head, *, method="GET", keep_ali
     )
 
     async def send() -> None:
-        await cycle.send({"type": "http.response.start", "status": 200, "headers": head})
-        await cycle.send({"type": "http.response.body", "body": BODY})
+        await cycle.send({"type": "http.response.start", "status": status, "headers": head})
+        for left, piece in zip(reversed(range(len(body))), body, strict=True):
+            await cycle.send({"type": "http.response.body", "body": piece, "more_body": left > 0})
 
     asyncio.run(send())
-    return b"".join(sent) + bytes(closed)
+    return [*sent, bytes(closed)]
 
 
 @pytest.mark.parametrize("keep_alive", [True, False])
@@ -65,6 +73,28 @@ def test_a_head_is_what_uvicorn_would_write(head, method, keep_alive):
     for own in ((), [(b"date", b"today"), (b"server", b"ours")]):
         asked = {"method": method, "keep_alive": keep_alive, "own": own}
         assert written_by(Cycle, head, **asked) == written_by(RequestResponseCycle, head, **asked)
+
+
+@pytest.mark.parametrize("status", [200, 204, 206, 304])
+@pytest.mark.parametrize("method", ["GET", "HEAD"])
+def test_so_is_what_has_no_body_and_what_comes_in_pieces(status, method):
+    without = {"method": method, "status": status, "body": (b"",)}
+    tag = [(b"etag", b'"1"')]
+    assert written_by(Cycle, tag, **without) == written_by(RequestResponseCycle, tag, **without)
+    pieces = {"method": method, "body": (BODY[:3], b"", BODY[3:])}
+    assert written_by(Cycle, [LENGTH], **pieces) == written_by(RequestResponseCycle, [LENGTH], **pieces)
+
+
+def test_head_and_body_are_one_write_where_that_is_less_work():
+    assert len(writes(Cycle, [LENGTH])) == 2  # and whether the connection stays
+    large = bytes(1 << 20)
+    assert writes(Cycle, [(b"content-length", b"1048576")], body=(large,))[1] is large
+
+
+@pytest.mark.parametrize("body", [BODY[:-1], BODY + b"0"])
+def test_a_body_that_is_not_as_long_as_announced_is_no_answer(body):
+    with pytest.raises(RuntimeError, match="Response content"):
+        writes(Cycle, [LENGTH], body=(body,))
 
 
 @pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import json
+import logging
 import signal
 
+import pytest
 from structlog.testing import capture_logs
 
 from service.api.http.errors import ErrorAnswers
+from service.log import RequestLines, RequestRecord
 
 
 def test_each_request_is_one_json_line(store, publish, move, question, own_process):
@@ -39,3 +43,21 @@ def test_a_fault_is_logged_without_the_path():
     assert answer.status_code == 500
     assert [(line["event"], str(line["exc_info"])) for line in lines] == [("a request failed", "a fault")]
     assert "secret" not in str(lines)
+
+
+@pytest.mark.parametrize("line_buffering", [True, False])
+def test_a_line_is_there_at_once(line_buffering):
+    raw = io.BytesIO()
+    stream = io.TextIOWrapper(io.BufferedWriter(raw), line_buffering=line_buffering)
+    RequestLines(stream, "json").handle(RequestRecord(logging.INFO, {"status": 200}))
+
+    line = json.loads(raw.getvalue())
+    assert (line["event"], line["level"], line["status"]) == ("request", "info", 200)
+
+
+def test_a_line_that_cannot_be_written_costs_nothing_else(monkeypatch):
+    monkeypatch.setattr(logging, "raiseExceptions", False)
+    stream = io.StringIO()
+    lines = RequestLines(stream, "console")
+    stream.close()
+    assert lines.handle(RequestRecord(logging.INFO, {"status": 200}))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 
 import httpx
 import pytest
+from fastapi import Request
 from pydantic import BaseModel
+from starlette.requests import ClientDisconnect
 
-from service.api.http.reading import parsed, words_of
+from service.api.http.reading import parsed, whole_body, words_of
 from service.app import openapi_document
 from service.wire.faults import InvalidInputError, MalformedBodyError
 
@@ -109,3 +112,26 @@ def test_words_are_those_of_the_model():
         kind: str
 
     assert dict(words_of(Asked)) == {"count": "a whole number", "kind": "text"}
+
+
+def test_a_body_is_the_same_in_any_pieces_and_none_of_a_client_that_is_gone():
+    def read(*messages):
+        coming = iter(messages)
+
+        async def receive():
+            return next(coming)
+
+        async def both():
+            request = Request({"type": "http", "method": "POST", "headers": []}, receive)
+            return await whole_body(request), await request.body()
+
+        return asyncio.run(both())
+
+    def piece(body, *, more):
+        return {"type": "http.request", "body": body, "more_body": more}
+
+    assert read(piece(b"abc", more=False)) == (b"abc", b"abc")
+    assert read(piece(b"a", more=True), piece(b"", more=True), piece(b"bc", more=False)) == (b"abc", b"abc")
+    assert read({"type": "http.request"}) == (b"", b"")
+    with pytest.raises(ClientDisconnect):
+        read(piece(b"a", more=True), {"type": "http.disconnect"})

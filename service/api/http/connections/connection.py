@@ -25,7 +25,7 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResp
 from uvicorn.server import ServerState
 
 from service.api.http.connections.cycle import Cycle
-from service.api.http.connections.turns import Turns
+from service.api.http.connections.turns import EACH_ROUND, Turns
 from service.api.http.exceptions import HeadTooLargeError, HeadTooSlowError, MalformedHeadError
 from service.api.http.limits.worker_threads import OverloadedError
 
@@ -195,8 +195,12 @@ class GuardedProtocol(HttpToolsProtocol):
             self._refused = HeadTooLargeError(self._limits.head_bytes, self._limits.head_fields)
             raise self._refused
         self._field_bytes += len(name) + len(value) + 4
-        super().on_header(name, value)
-        self._has_host = self._has_host or self.headers[-1][0] == b"host"
+        name = name.lower()
+        if name == b"host":
+            self._has_host = True
+        elif name == b"expect" and value.lower() == b"100-continue":
+            self.expect_100_continue = True
+        self.headers.append((name, value))
 
     def on_headers_complete(self) -> None:
         """Raises HeadTooLargeError, upon which the parser gives up."""
@@ -216,8 +220,9 @@ class GuardedProtocol(HttpToolsProtocol):
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: ASGI3Application) -> None:
         """What uvicorn calls to begin a request."""
-        cycle.__class__ = Cycle  # uvicorn makes its own, wherever it does; ours has nothing more and writes in one go
-        if cycle.scope["path"].removeprefix(self.root_path) in HEALTH_PATHS:
+        cycle.__class__ = Cycle  # uvicorn makes its own, wherever it does; ours writes in one go
+        few = len(self._all.open) <= EACH_ROUND and not self._all.turns
+        if few or cycle.scope["path"].removeprefix(self.root_path) in HEALTH_PATHS:
             super()._start_asgi_task(cycle, app)
         else:
             self._all.turns.take(partial(self._begin, cycle, app))
@@ -234,7 +239,12 @@ class GuardedProtocol(HttpToolsProtocol):
     def on_response_complete(self) -> None:
         """The next request may come."""
         self.waiting_since = time.monotonic()
-        super().on_response_complete()
+        if self.pipeline:
+            super().on_response_complete()
+        else:  # without its timer for connections that are kept: `look` sees those
+            self.server_state.total_requests += 1
+            if not self.transport.is_closing():
+                self.flow.resume_reading()
         if self._all.closing:  # its answer was on the way before it could say so
             self.loop.call_later(self._limits.linger_s, self._close_if_idle)
 
@@ -260,10 +270,11 @@ class GuardedProtocol(HttpToolsProtocol):
         if self._lingering:
             return
         if self.is_idle:
-            # between requests uvicorn's own time-out of kept connections ends the wait
-            new = self.cycle is None or self._head_bytes > 0
-            if new and now - self.waiting_since > self._limits.head_s:
+            waited_s, new = now - self.waiting_since, self.cycle is None or self._head_bytes > 0
+            if new and waited_s > self._limits.head_s:
                 self._refuse(HeadTooSlowError(self._limits.head_s)) if self._head_bytes else self.cut("silent")
+            elif not new and waited_s > self.timeout_keep_alive:
+                self._close_if_idle()
         elif self.cycle.more_body and not self.flow.read_paused and now - self._fed_at > self._limits.body_s:
             self.cut("slow-body")
 
@@ -277,10 +288,6 @@ class GuardedProtocol(HttpToolsProtocol):
         self.announce_end()
         if self.is_idle:
             self.loop.call_later(self._limits.linger_s, self._close_if_idle)
-
-    def timeout_keep_alive_handler(self) -> None:
-        """It was idle for too long."""
-        self._close_if_idle()
 
     def cut(self, reason: str) -> None:
         """Ends the connection at once."""

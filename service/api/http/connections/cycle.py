@@ -1,4 +1,4 @@
-"""The head of an answer, written in one go: most of its lines are those of the answer before."""
+"""The head of an answer, written in one go with its body: most of its lines are those of the answer before."""
 
 from __future__ import annotations
 
@@ -9,23 +9,38 @@ from uvicorn._types import ASGISendEvent
 from uvicorn.protocols.http.httptools_impl import HEADER_RE, HEADER_VALUE_RE, STATUS_LINE, RequestResponseCycle
 
 _LENGTH = b"content-length"
-_OF_ONE_ANSWER = frozenset({_LENGTH, b"etag", b"x-request-id", b"content-range", b"date", b"last-modified"})
+_OF_ONE_ANSWER = frozenset(
+    {
+        *(_LENGTH, b"etag", b"x-request-id", b"content-range", b"date", b"last-modified"),
+        b"inference-header-content-length",
+    }
+)
 _OF_THE_CONNECTION = frozenset({b"connection", b"transfer-encoding"})
+_WITHOUT_A_BODY = frozenset({204, 304})
+_SMALL_BYTES = 64 << 10  # to copy so much takes less than to write twice
 
 
 class Cycle(RequestResponseCycle):
     """Uvicorn's, for a connection that stays and an answer that says how long it is; it writes all others itself."""
 
+    _head = b""  # not written yet
+
     async def send(self, message: ASGISendEvent) -> None:
         """ASGI."""
-        if self.response_started or self.disconnected or self.flow.write_paused or not self._begin(message):
-            await super().send(message)
+        if not (self.disconnected or self.flow.write_paused):
+            if self._end(message) if self.response_started else self._begin(message):
+                return
+            if self._head:
+                self.transport.write(self._head)
+        self._head = b""
+        await super().send(message)
 
     def _begin(self, message: Any) -> bool:  # noqa: ANN401 - uvicorn's own, of many kinds
-        """Writes the head if it is such an answer's."""
+        """Puts the head together if it is such an answer's."""
         if message["type"] != "http.response.start" or not self.keep_alive or self.access_log:
             return False
-        lines, length = [STATUS_LINE[message["status"]]], None
+        status = message["status"]
+        lines, length = [STATUS_LINE[status]], 0 if status in _WITHOUT_A_BODY else None
         for name, value in (*self.default_headers, *message["headers"]):
             if name in _OF_THE_CONNECTION:
                 return False
@@ -40,7 +55,25 @@ class Cycle(RequestResponseCycle):
         self.response_started, self.waiting_for_100_continue = True, False
         self.expected_content_length, self.chunked_encoding = length, False
         lines.append(b"\r\n")
-        self.transport.write(b"".join(lines))
+        self._head = b"".join(lines)
+        return True
+
+    def _end(self, message: Any) -> bool:  # noqa: ANN401
+        """Writes head and body, if that is all of it."""
+        head, body = self._head, message.get("body", b"")
+        whole = head and len(body) == self.expected_content_length and not message.get("more_body")
+        if not whole or message["type"] != "http.response.body" or self.scope["method"] == "HEAD":
+            return False
+        if len(body) <= _SMALL_BYTES:
+            self.transport.write(head + body)
+        else:
+            self.transport.write(head)
+            self.transport.write(body)
+        self._head, self.expected_content_length, self.response_complete = b"", 0, True
+        self.message_event.set()
+        if not self.keep_alive:
+            self.transport.close()
+        self.on_response()
         return True
 
 

@@ -40,9 +40,14 @@ class WaitingBytes:
         self._longest_wait_s = longest_wait_s
         self._line: deque[tuple[int, asyncio.Future[None]]] = deque()
 
+    @property
+    def is_full(self) -> bool:
+        """Whether the limit is reached."""
+        return self.count >= self.limit_bytes
+
     def require_room(self) -> None:
         """Raises OverloadedError while the limit is reached: nothing more may be made then."""
-        if self.count >= self.limit_bytes:
+        if self.is_full:
             raise OverloadedError("answers wait for clients that read slowly; try again in a moment")
 
     async def reserve(self, size: int) -> None:
@@ -122,7 +127,7 @@ class AnswerBytes:
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        if own_path(scope) not in self.always:
+        if self.waiting.is_full and own_path(scope) not in self.always:
             try:
                 self.waiting.require_room()
             except OverloadedError as error:
@@ -148,7 +153,7 @@ class AnswerBytes:
         self.waiting.count += left
         try:
             for start in range(0, len(body), _PIECE_BYTES):
-                piece = bytes(body[start : start + _PIECE_BYTES])
+                piece = body[start : start + _PIECE_BYTES]
                 last = start + _PIECE_BYTES >= len(body)
                 await send({**message, "body": piece, "more_body": message.get("more_body", False) if last else True})
                 if counted:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import anyio
-from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.http.errors import ErrorAnswers, own_path
 from service.api.http.exceptions import BodyTooLargeError
+from service.api.http.sent_headers import first_sent
 
 _ANNOUNCE_A_BODY = (b"content-length", b"transfer-encoding")
 _LINGER_S = 0.5
@@ -36,16 +36,15 @@ class BodyLimit:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
-        if scope["type"] != "http" or not any(name in _ANNOUNCE_A_BODY for name, _ in scope["headers"]):
-            await self.app(scope, receive, send)  # without either of them there is no body (RFC 9112, 6.3)
+        if scope["type"] != "http" or not _announces_a_body(scope):
+            await self.app(scope, receive, send)
             return
         path = own_path(scope)
         limit_bytes = self.larger.get((scope["method"], path), self.limit_bytes)
-        headers = Headers(scope=scope)
-        announced = headers.get("content-length", "")
+        announced = first_sent(scope, b"content-length") or ""
         if announced.isdecimal() and (len(announced) > 18 or int(announced) > limit_bytes):
             # who waits for "100 Continue" has sent nothing yet, and will not
-            last = send if "expect" in headers else _lingering(receive, send)
+            last = send if first_sent(scope, b"expect") is not None else _lingering(receive, send)
             await self.answer_to(BodyTooLargeError(limit_bytes), path)(scope, receive, last)
             return
         received = 0
@@ -64,6 +63,14 @@ class BodyLimit:
             await (lingering if received > limit_bytes else send)(message)
 
         await self.app(scope, counted, answering)
+
+
+def _announces_a_body(scope: Scope) -> bool:
+    """Without either of these headers there is none (RFC 9112, 6.3)."""
+    for name, _ in scope["headers"]:  # noqa: SIM110 - `any` takes three times as long
+        if name in _ANNOUNCE_A_BODY:
+            return True
+    return False
 
 
 def _lingering(receive: Receive, send: Send) -> Send:

@@ -224,6 +224,10 @@ enum {
 void rover_scenario(const rover_law *law, const rover_release *release, const rover_timetable *table, double slope_rad,
                     double mass_kg, double torque_nm, double *room, double *outputs, double *account);
 
+/* The `wanted` places nearest to (x, y, z), nearest first, of equals the first one: number and squared distance of each
+ * in `found`. `places` are `count` of them, all x, all y, all z. */
+void rover_nearest(int64_t count, const double *places, double x, double y, double z, int64_t wanted, double *found);
+
 /* Advances rovers, each by its own duration: inputs are slope (rad; not looked at where there is a track), torque,
  * brake and duration, (4, count). Outputs are (ROVER_OUTPUTS, count). */
 void rover_step(const rover_law *law, int64_t count, rover_state *states, const double *inputs,
