@@ -26,7 +26,7 @@ def ask(service, path="/v1/predictions", **query):
 def test_the_event_loop_answers_while_every_worker_is_busy(store, publish, move, question, own_process):
     move(store, publish(store, architecture="paper_network"))
     client, _process = own_process()
-    heavy = question | {"horizon_s": 600, "dt_s": 0.0201, "include": "prior"}
+    heavy = question | {"horizon_s": 600, "dt_s": 0.00601, "include": "prior", "format": "usda"}
     assert client.get("/v1/predictions", params=heavy).status_code == 200
 
     alive = 0
