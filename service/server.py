@@ -25,10 +25,13 @@ from service.api.http.request_log import client_of, write_refusal
 from service.api.services import Lifecycle
 from service.api.v1 import live
 from service.app import create_app, error_answers
+from service.errors import MissingPartError
+from service.learning.drive.library import library as engine
 from service.log import configure_logging
 from service.memory import Excess, limit_arenas, settle, uncollected
 from service.processes import run_processes
 from service.settings import Settings, require_tokens
+from service.wire.digits import library as digits
 
 _TICKS_OF_A_SECOND = 10
 _TICKS_BETWEEN_LOOKS = 100  # at memory
@@ -113,14 +116,25 @@ class Server(uvicorn.Server):
 def run_server(settings: Settings) -> None:
     """Serve until a signal comes; running requests then get `shutdown_grace_s` to finish.
 
-    Raises what `create_app` and `require_tokens` raise, and SystemExit when the address cannot be listened on.
+    Raises what `create_app` and `require_tokens` raise, MissingPartError where a compiled library is missing or of
+    other sources, and SystemExit when the address cannot be listened on.
     """
     child.reset_signals()
     require_tokens(settings)
+    _require_libraries()
     if settings.workers > 1:
         run_processes(settings)
     else:
         _serve(settings)
+
+
+def _require_libraries() -> None:
+    """Found out now, not by the first request: a service that is ready answers."""
+    try:
+        engine()
+        digits()
+    except ImportError as error:
+        raise MissingPartError(str(error)) from error
 
 
 def run_process() -> None:

@@ -220,7 +220,7 @@ class Twin:
     def _driven(self, physics: Scenarios, horizons_s: Array, asked: Asked) -> tuple[Positions, Array, Summaries]:
         """What is shown, x (scenario, look) at the looks, and the summaries."""
         model, look_s = self.model, np.array(self._looks_s)
-        if len(physics) > 1 and len(look_s) <= MOST_LOOKS and isinstance(model, KnowsWholes):
+        if len(look_s) <= MOST_LOOKS and isinstance(model, KnowsWholes):
             motion, whole = model.whole_motion(physics, asked.time_s, horizons_s, look_s)
             return motion, whole.seen_m, self._summary_of(physics, horizons_s, motion, whole)
         own = own_times(horizons_s, quick=model.quick)

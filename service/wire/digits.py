@@ -1,7 +1,7 @@
 """Numbers as text by the compiled library (`native/`): many of them, rounded to a number of decimals.
 
-NaN and infinity raise NonFiniteError. Numbers too large for that many decimals (2e8 m at 1e-7 m) are written with all
-their digits, as orjson has them.
+NaN and infinity raise NonFiniteError. A column with a number too large for that many decimals (2e8 m at 1e-7 m) is
+written with all its digits, as orjson has them.
 """
 
 from __future__ import annotations

@@ -9,6 +9,8 @@ import httpx
 import pytest
 
 from service.cli.failures import ExitCode
+from service.learning.drive import library as engine
+from service.wire import digits
 from tests.cli.conftest import call, serve, start
 
 _QUERY = {"slope_deg": 22, "mass_kg": 430, "torque_nm": 60}
@@ -48,3 +50,21 @@ def test_a_port_in_use_is_a_failure_that_says_so():
     assert process.returncode == ExitCode.FAILED
     assert "in use" in err
     assert any(line.startswith(f"error: the server on 127.0.0.1:{port} ended") for line in err.splitlines())
+
+
+@pytest.mark.parametrize("path", ["service.wire.digits.PATH", "service.learning.drive.library.PATH"])
+def test_a_compiled_library_that_does_not_fit_is_told_before_anything_starts(path, small_store, tmp_path, monkeypatch):
+    (tmp_path / "library.so").write_bytes(b"not a library")
+    monkeypatch.setattr(path, tmp_path / "library.so")
+    digits.library.cache_clear()
+    engine.library.cache_clear()
+    try:
+        answer = call("serve", "--store", small_store)
+    finally:
+        monkeypatch.undo()
+        digits.library.cache_clear()
+        engine.library.cache_clear()
+
+    assert answer.code == ExitCode.FAILED
+    assert "library.so cannot be loaded" in answer.error
+    assert "pip install" in answer.error

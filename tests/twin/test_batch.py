@@ -73,6 +73,18 @@ def test_many_are_the_loop(champion, asked, form):
         assert_same(found, alone, 1e-9)
 
 
+@pytest.mark.parametrize("rows", [1, 2, 7])
+def test_a_batch_moves_and_is_summed_up_as_each_alone_to_the_bit(champion, rows):
+    rng = np.random.default_rng(rows)
+    scenarios = [Scenario(*each, 10.0) for each in rng.uniform([-5, 300, 20], [35, 800, 120], (rows, 3))]
+    times = sample_times(10.0, 0.5)
+    for found, scenario in zip(champion.predict_many(scenarios, times), scenarios, strict=True):
+        alone = champion.predict(scenario, times)
+        assert found.summary == alone.summary
+        for name, column in alone.trajectory.items():
+            assert found.trajectory[name].tobytes() == column.tobytes()
+
+
 @pytest.mark.slow
 @given(st.lists(st.tuples(inputs, horizons), min_size=1, max_size=10), st.booleans())
 @settings(max_examples=15, deadline=None)

@@ -63,6 +63,19 @@ def test_silent_connections_keep_nobody_out(serve: Any) -> None:
         assert time.monotonic() - began < 5
 
 
+def test_who_asks_ahead_and_leaves_is_no_error_of_the_server(own_process: Any, store: Any, publish: Any, move: Any) -> None:
+    move(store, publish(store))
+    client, process = own_process()
+    url, asked = str(client.base_url), b"GET /v1/models HTTP/1.1\r\nHost: a\r\n\r\n"
+    for _ in range(20):
+        with connect(url) as connection:
+            connection.sendall(asked * 3)
+    assert client.get("/health/live").status_code == 200
+    process.send_signal(signal.SIGTERM)
+
+    assert "Exception" not in process.communicate(timeout=30)[1]
+
+
 def test_health_is_answered_when_all_connections_are_busy(serve: Any) -> None:
     running = serve(max_connections=16)
     # a head that is done, and a body that is still to come: a request is being answered

@@ -27,6 +27,8 @@ class Cycle(RequestResponseCycle):
 
     async def send(self, message: ASGISendEvent) -> None:
         """ASGI."""
+        if self.transport.is_closing():  # a request that was sent ahead, by a client that has left
+            self.disconnected = True
         if not (self.disconnected or self.flow.write_paused):
             if self._end(message) if self.response_started else self._begin(message):
                 return
