@@ -263,7 +263,7 @@ class Engine:
             address(outputs),
             addressof(account),
         )
-        return outputs[:, : table.shown], Account._make(account)
+        return outputs[:, : table.shown], Account._make(account[:])
 
     def height_features(self, start: State, track: Track, controls: Controls, time_s: Array) -> Array:
         """What the height at times would be for each of `heights` alone being 1, (time, HEIGHTS): to fit these."""
