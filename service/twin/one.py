@@ -37,13 +37,22 @@ class Asked:
     speed: bool
     wheel_speed: bool
 
+    @property
+    def columns(self) -> int:
+        """How many rows of `AnswersAtOnce.scenario` are shown."""
+        return 5 if self.speed or self.wheel_speed else 2
+
 
 @runtime_checkable
 class AnswersAtOnce(Protocol):
     """A model that answers one scenario in one call: `DriveModel.scenario`."""
 
-    def scenario(self, slope_rad: float, mass_kg: float, torque_nm: float, table: Timetable) -> tuple[Array, Account]:
-        """Rows (5, time) at the times shown: x, speed, front and rear wheel speed, y; what the way comes to."""
+    def scenario(
+        self, slope_rad: float, mass_kg: float, torque_nm: float, table: Timetable, columns: int
+    ) -> tuple[Array, Account]:
+        """Rows (columns, time) at the times shown: x and y, of 5 also speed, front and rear wheel speed; and what the
+        way comes to.
+        """
         ...
 
 
@@ -94,19 +103,20 @@ def summary_of(
 
 def is_finite(account: Account) -> bool:
     """Whether all that is shown, and what the way comes to, is finite."""
-    return account.finite == 1.0 and math.isfinite(account.path_m) and math.isfinite(account.end_x_m)
+    told = account.path_m, account.end_x_m, account.end_height_m, account.wheels_rad_s
+    return account.finite == 1.0 and all(map(math.isfinite, told))
 
 
 def trajectory_of(rows: Array, asked: Asked, slope_rad: float) -> dict[str, Array]:
     """The columns of an answer, (time,) each, from the model's rows."""
-    along, speed, front, rear, normal = rows
+    along, normal, *fast = rows
     if asked.frame is _SLOPE:
         columns = {"time_s": asked.time_s, "x_m": along, "y_m": normal}
     else:
         across, up = slope_to_world(along, normal, slope_rad)
         columns = {"time_s": asked.time_s, "x_m": across, "z_m": up}
     if asked.speed:
-        columns["speed_m_s"] = speed
+        columns["speed_m_s"] = fast[0]
     if asked.wheel_speed:
-        columns |= {"rear_wheel_speed_rad_s": rear, "front_wheel_speed_rad_s": front}
+        columns |= {"rear_wheel_speed_rad_s": fast[2], "front_wheel_speed_rad_s": fast[1]}
     return columns

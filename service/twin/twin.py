@@ -189,7 +189,7 @@ class Twin:
             return _One.of(core, asked.time_s)
         band, slope_rad = self._band_for(asked), math.radians(scenario.slope_deg)
         table = table_of(asked.time_s, self._looks_s)
-        rows, account = self._at_once.scenario(slope_rad, scenario.mass_kg, scenario.torque_nm, table)
+        rows, account = self._at_once.scenario(slope_rad, scenario.mass_kg, scenario.torque_nm, table, asked.columns)
         if not is_finite(account):
             raise self._no_finite_answer(scenario)
         likeliest = None if self.doubt is None else partial(self._likeliest, scenario, account)
@@ -197,7 +197,7 @@ class Twin:
         trajectory = trajectory_of(rows, asked, slope_rad)
         if band is None and not asked.prior:
             return _One(trajectory, None, summary, None)
-        physics, shown = scenario.as_physics(), Positions(rows[:1], rows[4:])
+        physics, shown = scenario.as_physics(), Positions(rows[:1], rows[1:2])
         prior, bounds = self._beside(physics, asked, band, shown, self._seen(account))
         self._require_finite((scenario,), [*positions_of(prior), *bounds_of(bounds)])
         return _One(trajectory, first_prior(prior, physics, asked.frame), summary, first_band(bounds))

@@ -182,7 +182,7 @@ def _names_in(node: object) -> int:
         _require_few_members(len(node))
         found = len(node)
         for each in node.values():
-            if isinstance(each, _NESTED):
+            if each and isinstance(each, _NESTED) and (isinstance(each, dict) or isinstance(each[0], _NESTED)):
                 found += _names_in(each)
         return found
     if isinstance(node, list) and node and isinstance(node[0], _NESTED):

@@ -65,10 +65,13 @@ class Statistics:
             ] or ([] if name is None or version is None else [_document(name, version, _Counters())])
 
     def _of(self, name: str, version: int) -> _Counters:
-        counters = self._counters.setdefault((name, version), _Counters())
-        self._counters.move_to_end((name, version))
-        if len(self._counters) > _MAX_VERSIONS:
-            self._counters.popitem(last=False)
+        place = name, version
+        counters = self._counters.get(place)
+        if counters is None:
+            counters = self._counters[place] = _Counters()
+            if len(self._counters) > _MAX_VERSIONS:
+                self._counters.popitem(last=False)
+        self._counters.move_to_end(place)
         return counters
 
 

@@ -244,13 +244,14 @@ class Engine:
         return outputs
 
     def scenario(
-        self, release: int, table: Timetable, slope_rad: float, mass_kg: float, torque_nm: float
+        self, release: int, table: Timetable, slope_rad: float, mass_kg: float, torque_nm: float, columns: int
     ) -> tuple[Array, Account]:
-        """One scenario of `constant` from rest: its columns (5, shown), as there, and what its way comes to.
+        """One scenario of `constant` from rest, and what its way comes to.
 
-        Of numbers that are known to be right. `release` is the address of the compiled start speeds.
+        Rows (columns, shown): x and y; of 5 also speed, front and rear wheel speed. Of numbers that are known to be
+        right. `release` is the address of the compiled start speeds.
         """
-        outputs, room, account = np.empty((5, table.shown)), np.empty((5, table.times)), _Numbers()
+        outputs, account = np.empty((columns, table.times)), _Numbers()
         self._library.rover_scenario(
             self._address,
             release,
@@ -258,11 +259,11 @@ class Engine:
             slope_rad,
             mass_kg,
             torque_nm,
-            address(room),
+            columns,
             address(outputs),
             addressof(account),
         )
-        return outputs, Account._make(account)
+        return outputs[:, : table.shown], Account._make(account[:])
 
     def height_features(self, start: State, track: Track, controls: Controls, time_s: Array) -> Array:
         """What the height at times would be for each of `heights` alone being 1, (time, HEIGHTS): to fit these."""

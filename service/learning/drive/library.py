@@ -16,7 +16,7 @@ import numpy.typing as npt
 from service.physics.scenario import Array
 
 PATH = Path(__file__).with_name("native") / "librover.so"
-INTERFACE = 3  # ROVER_INTERFACE of native/engine.h
+INTERFACE = 4  # ROVER_INTERFACE of native/engine.h
 RUT_CELLS = 64  # ROVER_RUT_CELLS
 MOST_S = 1e6  # ROVER_MOST_S
 HEIGHTS = 37  # ROVER_HEIGHTS
@@ -182,7 +182,7 @@ _ARGUMENTS: dict[str, tuple[list[type], type | None]] = {
         [*[_POINTER, _INTEGER] * 4, _INTEGER, *[_POINTER] * 2],
         None,
     ),
-    "rover_scenario": ([*[_POINTER] * 3, *[_NUMBER] * 3, *[_POINTER] * 3], None),
+    "rover_scenario": ([*[_POINTER] * 3, *[_NUMBER] * 3, _INTEGER, *[_POINTER] * 2], None),
     "rover_nearest": ([_INTEGER, _POINTER, *[_NUMBER] * 3, _INTEGER, _POINTER], None),
     "rover_step": ([_POINTER, _INTEGER, *[_POINTER] * 4], None),
     "rover_step_fleet": ([_POINTER, _INTEGER, *[_POINTER] * 3], None),
@@ -219,7 +219,9 @@ def vector_bits() -> int:
 
 def address(array: npt.NDArray[np.float64] | npt.NDArray[np.int64]) -> int:
     """Where a contiguous array lies. It must be kept as long as the address is used."""
-    return int(array.ctypes.data)  # half as long as asking __array_interface__
+    if array.flags.writeable and array.size:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array.data))  # in a quarter of the time
+    return int(array.ctypes.data)
 
 
 def contiguous(array: Array | float) -> Array:

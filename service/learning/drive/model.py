@@ -84,13 +84,15 @@ class DriveModel:
         starts = self.starts.at(slopes, masses)
         return self.engine.whole_ways(slopes, masses, scenarios.torque_nm, starts, horizon_s, look_s)
 
-    def scenario(self, slope_rad: float, mass_kg: float, torque_nm: float, table: Timetable) -> tuple[Array, Account]:
+    def scenario(
+        self, slope_rad: float, mass_kg: float, torque_nm: float, table: Timetable, columns: int
+    ) -> tuple[Array, Account]:
         """One scenario, as `motion` has it, in a fraction of its time, and what the whole way comes to.
 
-        Rows (5, time) at the times that the table shows: x, speed, front and rear wheel speed, y. Of numbers that a
-        scenario can have.
+        Rows (columns, time) at the times that the table shows: x and y; of 5 also speed, front and rear wheel speed.
+        Of numbers that a scenario can have.
         """
-        return self.engine.scenario(self.starts.address, table, slope_rad, mass_kg, torque_nm)
+        return self.engine.scenario(self.starts.address, table, slope_rad, mass_kg, torque_nm, columns)
 
     def _constant(self, scenarios: Scenarios, time_s: Array, offset: Array | float) -> tuple[Array, ...]:
         return self.engine.constant(

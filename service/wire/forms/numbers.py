@@ -154,7 +154,7 @@ def _place_of_fault(value: object) -> str | None:
     if isinstance(value, float):
         return None if math.isfinite(value) else ""
     if names := getattr(kind, "__dataclass_fields__", None):
-        return _first_fault(((name, getattr(value, name)) for name in names), ".{}")
+        return _first_fault([(name, getattr(value, name)) for name in names], ".{}")
     if isinstance(value, np.ndarray):
         return None if np.isfinite(value).all() else ""
     if isinstance(value, Mapping):
@@ -166,6 +166,8 @@ def _place_of_fault(value: object) -> str | None:
 
 def _first_fault(members: Iterable[tuple[object, object]], step: str) -> str | None:
     for name, member in members:
+        if type(member) is float and math.isfinite(member):  # most are
+            continue
         place = _place_of_fault(member)
         if place is not None:
             return step.format(name) + place

@@ -1,7 +1,8 @@
 """Bounds what answers hold in memory until their clients have taken them.
 
-A large body is handed to the connection piece by piece, each when the last one is on its way: so the request lasts as
-long as its answer does, and what is still to be sent is known. Beyond the limit new requests are refused.
+A large body is handed to the connection piece by piece, each when the last one is on its way, and so is its end: so
+the request lasts as long as its answer does, and what is still to be sent is known. Beyond the limit new requests are
+refused.
 
 A large answer is not begun before there is room for it: its arrays and its text are several times what a small service
 has. Those who ask for one wait for each other (`Room.reserve`), and nobody else does.
@@ -21,7 +22,8 @@ from service.api.http.limits.worker_threads import ClientGoneError, OverloadedEr
 
 TEXT_BYTES = 20
 """Of a number in JSON, with what stands between it and the next."""
-_PIECE_BYTES = 256 << 10
+_SMALL_BYTES = 256 << 10  # as much may wait for each client without being counted
+_PIECE_BYTES = 1 << 20
 _LARGE_BYTES = 8 << 20  # others are answered without asking for room
 _MOST_WAITING = 32  # each keeps a body of some megabytes
 _LONGEST_WAIT_S = 120.0
@@ -138,7 +140,7 @@ class AnswerBytes:
 
         async def sending(message: Message) -> None:
             body: bytes = message.get("body", b"")
-            if len(body) <= _PIECE_BYTES:
+            if len(body) <= _SMALL_BYTES:
                 await send(message)
             else:
                 await self._in_pieces(message, memoryview(body), send, counted=not room.size)
@@ -154,10 +156,11 @@ class AnswerBytes:
         try:
             for start in range(0, len(body), _PIECE_BYTES):
                 piece = body[start : start + _PIECE_BYTES]
-                last = start + _PIECE_BYTES >= len(body)
-                await send({**message, "body": piece, "more_body": message.get("more_body", False) if last else True})
-                if counted:
-                    self.waiting.count -= len(piece)
-                    left -= len(piece)
+                await send({**message, "body": piece, "more_body": True})
+                if counted and start:  # the one before it
+                    self.waiting.count -= _PIECE_BYTES
+                    left -= _PIECE_BYTES
+            if not message.get("more_body", False):
+                await send({**message, "body": b"", "more_body": False})
         finally:
             self.waiting.count -= left

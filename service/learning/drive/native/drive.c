@@ -144,18 +144,34 @@ static void write_slopes(rover_motion *motion, double slope_rad, int64_t first, 
         to->slope_rad[i] = motion->track ? slope_at(motion, to->x_m[i] + ahead) : slope_rad;
 }
 
+/* A column from number i on, or what takes its place where it is not asked for */
+#define PART(column, number) (to->column ? to->column + i : unasked[number])
+
+/* Adds up what is known of times from number `first` to before `end`: `part` begins there. */
+static void turn(rover_turning *turning, int64_t first, int64_t end, const rover_columns *part)
+{
+    for (; turning->next < turning->count && turning->places[turning->next] < end; turning->next++) {
+        int64_t i = turning->places[turning->next] - first;
+        turning->last = part->front_rad_s[i] + part->rear_rad_s[i];
+        turning->first = turning->next ? turning->first : turning->last;
+        turning->sum += turning->last;
+    }
+}
+
 static void write(rover_motion *motion, const rover_state *state, double start_s, int64_t first, int64_t end,
                   const double *time_s, const rover_columns *to)
 {
     for (int64_t i = first; i < end; i += ROVER_PIECE) {
-        double heights[ROVER_PIECE];
+        double unasked[4][ROVER_PIECE];
         int64_t count = end - i < ROVER_PIECE ? end - i : ROVER_PIECE;
-        double *height = to->height_m ? to->height_m + i : heights;
-        rover_columns part = {to->x_m + i, to->speed_m_s + i, to->front_rad_s + i, to->rear_rad_s + i, height, NULL};
+        rover_columns part = {to->x_m + i, PART(speed_m_s, 0), PART(front_rad_s, 1), PART(rear_rad_s, 2),
+                              PART(height_m, 3), NULL, NULL};
         if (count < 4)
             moved_at(state, start_s, count, time_s + i, &part);
         else
             ROVER_CALL(motion->place.law->vector_bits, moved_at, (state, start_s, count, time_s + i, &part));
+        if (to->turning)
+            turn(to->turning, i, i + count, &part);
     }
     write_slopes(motion, state->slope_rad, first, end, to);
 }
@@ -196,25 +212,29 @@ int64_t rover_advance(rover_motion *motion, rover_state *state, const rover_inpu
 }
 
 /* What there is to say of a state as it is */
-static void write_now(const rover_state *state, const rover_columns *to, int64_t at)
+static void write_now(const rover_state *state, const rover_columns *to, int64_t i)
 {
-    double height, *to_height = to->height_m ? to->height_m + at : &height;
-    rover_columns one = {to->x_m + at, to->speed_m_s + at, to->front_rad_s + at, to->rear_rad_s + at, to_height, NULL};
+    double unasked[4][1];
+    rover_columns one = {to->x_m + i, PART(speed_m_s, 0), PART(front_rad_s, 1), PART(rear_rad_s, 2), PART(height_m, 3),
+                         NULL, NULL};
     if (state->cell_s > 0.0) {
         moved_at(state, 0.0, 1, &state->within_s, &one);
-        return;
+    } else {
+        *one.x_m = state->x_m;
+        *one.speed_m_s = state->speed_m_s;
+        *one.front_rad_s = state->front_rad_s;
+        *one.rear_rad_s = state->rear_rad_s;
+        *one.height_m = state->height_m;
     }
-    *one.x_m = state->x_m;
-    *one.speed_m_s = state->speed_m_s;
-    *one.front_rad_s = state->front_rad_s;
-    *one.rear_rad_s = state->rear_rad_s;
-    *one.height_m = state->height_m;
+    if (to->turning)
+        turn(to->turning, i, i + 1, &one);
 }
 
 static rover_columns columns_of(double *outputs, int64_t count)
 {
     rover_columns to = {outputs + ROVER_X * count,    outputs + ROVER_SPEED * count,  outputs + ROVER_FRONT * count,
-                        outputs + ROVER_REAR * count, outputs + ROVER_HEIGHT * count, outputs + ROVER_SLOPE * count};
+                        outputs + ROVER_REAR * count, outputs + ROVER_HEIGHT * count, outputs + ROVER_SLOPE * count,
+                        NULL};
     return to;
 }
 
@@ -240,6 +260,16 @@ static void observe(rover_motion *motion, rover_state *state, double x_m, double
         rover_law_finish(&motion->place, state, state->within_s);
     state->x_m = x_m;
     state->speed_m_s = speed_m_s;
+}
+
+static void write_nothing(int64_t times, const rover_columns *to, int64_t at)
+{
+    double *columns[] = {to->x_m, to->speed_m_s, to->front_rad_s, to->rear_rad_s};
+    for (int column = 0; column < 4; column++)
+        for (int64_t i = at; columns[column] && i < times; i++)
+            columns[column][i] = NAN;
+    if (to->turning)
+        to->turning->sum = NAN;
 }
 
 void rover_follow(rover_motion *motion, rover_state *state, const rover_controls *controls, double slope_rad,
@@ -272,8 +302,8 @@ void rover_follow(rover_motion *motion, rover_state *state, const rover_controls
         state->time_s += until - now;
         now = until;
     }
-    for (; at < times; at++) /* beyond all time, or no time at all */
-        to->x_m[at] = to->speed_m_s[at] = to->front_rad_s[at] = to->rear_rad_s[at] = NAN;
+    if (at < times) /* beyond all time, or no time at all */
+        write_nothing(times, to, at);
 }
 
 void rover_drive(const rover_law *law, rover_state *state, const rover_track *track, const rover_controls *controls,
@@ -298,7 +328,7 @@ void rover_constant(const rover_law *law, int64_t count, const double *scenarios
         rover_controls controls = {1, &always, &one[2 * count], &always};
         double *first = outputs + i * times;
         int64_t block = count * times;
-        rover_columns to = {first, first + block, first + 2 * block, first + 3 * block, first + 4 * block, NULL};
+        rover_columns to = {first, first + block, first + 2 * block, first + 3 * block, first + 4 * block, NULL, NULL};
         rover_follow(&motion, &state, &controls, one[0], one[4 * count], times, time_s + i * stride, NULL, &to);
     }
 }
@@ -336,7 +366,7 @@ void rover_sweep(const rover_law *law, int64_t rows, int64_t width, const double
             rover_start(law, run[i].mass_kg, run[i].start_speed_m_s, &state);
             double *first = outputs + row * stride + offsets[i];
             int64_t block = rows * stride;
-            rover_columns to = {first, first + block, first + 2 * block, first + 3 * block, NULL, NULL};
+            rover_columns to = {first, first + block, first + 2 * block, first + 3 * block, NULL, NULL, NULL};
             rover_follow(&motion, &state, &run[i].controls, 0.0, 0.0, run[i].times, run[i].time_s, &run[i], &to);
         }
     }

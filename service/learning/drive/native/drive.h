@@ -17,9 +17,18 @@ typedef struct {
     int brake;
 } rover_inputs;
 
-/* Where outputs go, by time; height and slope may be NULL. */
+/* The wheels' speeds of both axles (rad/s), added up at the times of `count` rising places: `next` of them are passed. */
+typedef struct {
+    int64_t count;
+    const int64_t *places;
+    int64_t next;
+    double sum, first, last;
+} rover_turning;
+
+/* Where outputs go, by time; all but x may be NULL. */
 typedef struct {
     double *x_m, *speed_m_s, *front_rad_s, *rear_rad_s, *height_m, *slope_rad;
+    rover_turning *turning;
 } rover_columns;
 
 /* How long a cell is that begins so long after an event */

@@ -15,7 +15,7 @@
 
 #include <stdint.h>
 
-#define ROVER_INTERFACE 3
+#define ROVER_INTERFACE 4
 #define ROVER_STATE_FORMAT 1
 #define ROVER_RUT_CELLS 64
 #define ROVER_HEIGHTS 37
@@ -219,10 +219,11 @@ enum {
     ROVER_FINITE, ROVER_ACCOUNT
 };
 
-/* One scenario from rest, as `rover_constant` has it with the start speed of `rover_release_speeds`: outputs (5, shown)
- * and the account. `room` is for (5, times) numbers. */
+/* One scenario from rest, as `rover_constant` has it with the start speed of `rover_release_speeds`, and the account.
+ * Outputs are (columns, times), of each row what is shown first: x and height, and if `columns` is 5 speed, front and
+ * rear. */
 void rover_scenario(const rover_law *law, const rover_release *release, const rover_timetable *table, double slope_rad,
-                    double mass_kg, double torque_nm, double *room, double *outputs, double *account);
+                    double mass_kg, double torque_nm, int64_t columns, double *outputs, double *account);
 
 /* The `wanted` places nearest to (x, y, z), nearest first, of equals the first one: number and squared distance of each
  * in `found`. `places` are `count` of them, all x, all y, all z. */

@@ -1,7 +1,8 @@
 /* One scenario from rest: its motion at the times of an answer, and what its whole way comes to. */
 #include <math.h>
+#include <string.h>
 
-#include "engine.h"
+#include "drive.h"
 
 static double path_length(const double *x_m, const double *height_m, int64_t count, const int64_t *places)
 {
@@ -14,46 +15,63 @@ static double path_length(const double *x_m, const double *height_m, int64_t cou
 }
 
 /* Mean over both axles and evenly spaced times, by trapezoids */
-static double mean_wheel_speed(const double *front_rad_s, const double *rear_rad_s, int64_t count,
-                               const int64_t *places)
+static double mean_wheel_speed(const rover_turning *of)
 {
-    double sum = 0.0, ends = 0.0;
-    for (int64_t i = 0; i < count; i++)
-        sum += front_rad_s[places[i]] + rear_rad_s[places[i]];
-    ends += front_rad_s[places[0]] + rear_rad_s[places[0]];
-    ends += front_rad_s[places[count - 1]] + rear_rad_s[places[count - 1]];
-    return (sum - 0.5 * ends) / (2.0 * (double)(count - 1));
+    return (of->sum - 0.5 * (of->first + of->last)) / (2.0 * (double)(of->count - 1));
 }
 
-/* Copies what is shown; whether all of it is finite. */
-static int shown(const rover_timetable *table, const double *all, double *outputs)
+/* Moves what is shown to the front of its row. Of most answers all times are shown, or all but the last ones. */
+static void gather(const rover_timetable *table, double *row)
 {
-    double zero = 0.0; /* stays it, unless a number is not finite */
-    for (int row = 0; row < ROVER_SLOPE; row++, all += table->times, outputs += table->shown)
-        for (int64_t i = 0; i < table->shown; i++) {
-            outputs[i] = all[table->shown_places[i]];
-            zero += outputs[i] * 0.0;
-        }
-    return zero == 0.0;
+    int64_t i = 0;
+    while (i < table->shown && table->shown_places[i] == i)
+        i++;
+    for (; i < table->shown; i++)
+        row[i] = row[table->shown_places[i]];
+}
+
+/* Whether all are: in none of them every bit of the exponent is set, so that one more carries into the sign. */
+static int are_finite(int64_t count, const double *numbers)
+{
+    uint64_t carried = 0;
+    for (int64_t i = 0; i < count; i++) {
+        uint64_t bits;
+        memcpy(&bits, numbers + i, sizeof bits);
+        carried |= (bits & 0x7ff0000000000000u) + 0x0010000000000000u;
+    }
+    return !(carried >> 63);
 }
 
 void rover_scenario(const rover_law *law, const rover_release *release, const rover_timetable *table, double slope_rad,
-                    double mass_kg, double torque_nm, double *room, double *outputs, double *account)
+                    double mass_kg, double torque_nm, int64_t columns, double *outputs, double *account)
 {
-    double start_speed_m_s;
+    const int64_t *own = table->own_places, *looks = table->look_places, times = table->times;
+    const double always = 0.0;
+    double start_speed_m_s, *x_m = outputs, *height_m = outputs + times, *speed_m_s = NULL;
+    rover_motion motion;
+    rover_state state;
+    rover_controls controls = {1, &always, &torque_nm, &always};
+    rover_turning turning = {table->own, own, 0, 0.0, 0.0, 0.0};
+    if (columns > 2)
+        speed_m_s = outputs + 2 * times;
+    rover_columns to = {x_m, speed_m_s, speed_m_s ? speed_m_s + times : NULL, speed_m_s ? speed_m_s + 2 * times : NULL,
+                        height_m, NULL, &turning};
     rover_release_speeds(release, 1, &slope_rad, &mass_kg, &start_speed_m_s);
-    const double scenario[5] = {slope_rad, mass_kg, torque_nm, start_speed_m_s, 0.0};
-    rover_constant(law, 1, scenario, table->times, table->time_s, 0, room);
-    const double *x_m = room + ROVER_X * table->times, *height_m = room + ROVER_HEIGHT * table->times;
-    const double *front = room + ROVER_FRONT * table->times, *rear = room + ROVER_REAR * table->times;
-    const int64_t *own = table->own_places, *looks = table->look_places;
-    account[ROVER_FINITE] = shown(table, room, outputs);
+    rover_motion_begin(&motion, law, law->parameters, law->weights, law->heights, NULL);
+    rover_start(law, mass_kg, start_speed_m_s, &state);
+    rover_follow(&motion, &state, &controls, slope_rad, 0.0, times, table->time_s, NULL, &to);
     account[ROVER_START_X] = x_m[own[0]];
     account[ROVER_LATE_X] = x_m[own[table->late]];
     account[ROVER_END_X] = x_m[own[table->own - 1]];
     account[ROVER_END_HEIGHT] = height_m[own[table->own - 1]];
     account[ROVER_PATH] = path_length(x_m, height_m, table->own, own);
-    account[ROVER_WHEELS] = mean_wheel_speed(front, rear, table->own, own);
+    account[ROVER_WHEELS] = mean_wheel_speed(&turning);
     account[ROVER_SEEN] = table->looks > 0 ? x_m[looks[0]] : 0.0;
     account[ROVER_SEEN_LATER] = table->looks > 1 ? x_m[looks[1]] : 0.0;
+    account[ROVER_FINITE] = 1.0;
+    for (double *row = outputs; row < outputs + columns * times; row += times) {
+        gather(table, row);
+        if (!are_finite(table->shown, row))
+            account[ROVER_FINITE] = 0.0;
+    }
 }
