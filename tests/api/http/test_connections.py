@@ -63,7 +63,7 @@ def test_silent_connections_keep_nobody_out(serve: Any) -> None:
         assert time.monotonic() - began < 5
 
 
-def test_who_asks_ahead_and_leaves_is_no_error_of_the_server(own_process: Any, store: Any, publish: Any, move: Any) -> None:
+def test_who_asks_ahead_and_leaves_is_no_error(own_process: Any, store: Any, publish: Any, move: Any) -> None:
     move(store, publish(store))
     client, process = own_process()
     url, asked = str(client.base_url), b"GET /v1/models HTTP/1.1\r\nHost: a\r\n\r\n"
