@@ -42,7 +42,7 @@ def writes(
     """The same, write by write; `body` comes in so many messages."""
     sent: list[bytes] = []
     closed: list[bool] = []
-    transport = SimpleNamespace(write=sent.append, close=lambda: closed.append(True))
+    transport = SimpleNamespace(write=sent.append, close=lambda: closed.append(True), is_closing=lambda: bool(closed))
     cycle = kind(
         scope={"method": method, "type": "http"},
         transport=transport,
