@@ -67,7 +67,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--only", action="append", choices=PARTS, help="measure this part; leaves the page alone")
     parser.add_argument("--no-page", action="store_true", help="print only, keep docs/performance.md as it is")
     asked = parser.parse_args()
-    asked.repeats, asked.rounds, asked.seconds = (20, 1, 1.0) if asked.quick else (200, 3, 10.0)
+    asked.repeats, asked.rounds, asked.seconds = (20, 1, 1.0) if asked.quick else (200, 3, 5.0)
     return asked
 
 
