@@ -32,8 +32,7 @@ def main() -> None:
         f"## Serving\n\n`{command}` ({minutes:.0f} min; {repeats}, medians). {described()} {load_note(before)}\n\n"
         "One worker, one thread. Questions vary from one to the next, so no answer is a repetition. Floors, measured "
         "in turn with the service: (a) the same server design (uvicorn, uvloop, httptools) sending the same bytes "
-        "precomputed from a bare Starlette route; (b) such a route with a few bytes of JSON; (c) the arithmetic alone, "
-        "beside the same in plain Python and NumPy."
+        "precomputed from a bare Starlette route; (b) such a route with a few bytes of JSON; (c) the arithmetic alone."
     )
     markdown = "\n\n".join([head, bars_table(bars), *texts])
     print(f"\n{markdown}")
