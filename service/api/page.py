@@ -14,8 +14,8 @@ from fastapi import Request, Response
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 
-from service.api.http.compression import SMALLEST_BYTES, Coding, compressed
-from service.api.http.delivery import Delivery
+from service.api.http.answers.compression import SMALLEST_BYTES, Coding, compressed
+from service.api.http.answers.delivery import Delivery
 from service.api.http.router import Router
 
 _FOLDER = Path(__file__).parents[1] / "page"

@@ -38,7 +38,7 @@ FEW = 32  # times fewer cells at once: what fits the processor's caches is made 
 class TrainingRun:
     """One run that a version was trained on; the error is that of its end when it was left out, None if not known.
 
-    Not to be changed: only that Python takes three times as long to make what it watches over; each answer has some.
+    Nobody changes one. It is not frozen: to make a frozen one takes three times as long, and each answer has some.
     """
 
     run: str

@@ -38,6 +38,22 @@ def sample_grid(horizons_s: Sequence[float], dt_s: float) -> Array:
     return grid
 
 
+def own_samples(time_s: Array, horizons_s: Array) -> npt.NDArray[np.intp]:
+    """How many samples of each row come before the horizon is repeated, shape (scenario,). Raises ValueError."""
+    rows = len(horizons_s)
+    if rows == 0 or time_s.ndim not in (1, 2) or (time_s.ndim == 2 and len(time_s) != rows) or not time_s.size:
+        raise ValueError(f"times of shape {time_s.shape} do not fit {rows} scenarios")
+    if rows == 1 and time_s.ndim == 1:
+        wrong = time_s[-1] != horizons_s[0]
+    else:
+        wrong = bool(np.any(time_s[..., -1] != horizons_s))
+    if wrong:
+        raise ValueError("times must end at their scenario's horizon")
+    if time_s.ndim == 1:
+        return np.full(rows, len(time_s), dtype=np.intp)
+    return np.asarray((time_s >= time_s[:, -1:]).argmax(axis=1) + 1, dtype=np.intp)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictionBatch:
     """Predictions in columns, the members those of `Prediction`: arrays that have shape (time,) there have

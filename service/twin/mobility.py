@@ -37,7 +37,7 @@ Flags = npt.NDArray[np.bool_]
 
 MOST_VALUES = 64  # of slopes and of torques
 # Cells times horizon. On one core of the shipped champion 64 x 64 cells over 10 s take 0.2 s, and the most there can be
-# (two slopes over minutes, where nearly all is the search for the steepest one) some 4 s, and a worker with it.
+# (two slopes over minutes, where nearly all is the search for the steepest one) 0.3 s, and a worker with it.
 MOST_CELL_SECONDS = 50_000.0
 CONFIDENCE = (0.75, 0.995)  # one-sided; bands are calibrated at two-sided levels of 0.5 to 0.99
 STEEPEST_STEP_DEG = 0.01

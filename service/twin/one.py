@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -19,11 +18,11 @@ from service.physics.frames import slope_to_world
 from service.physics.parameters import RoverParameters
 from service.physics.scenario import Array
 from service.physics.wheel_speed import slip_ratio
+from service.twin.kept import kept
 from service.twin.prediction import Frame
 from service.twin.summary import LAST_PART, NAMED, Outcome, Summary, late_place, own_times
 
 _SLOPE = Frame.SLOPE  # to find a member of an enumeration takes as long as an array operation
-_TABLES_KEPT = 16  # at 20,001 points half a megabyte each
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,35 +55,9 @@ class AnswersAtOnce(Protocol):
         ...
 
 
-class _Same:
-    """An array that nobody changes, as a key: equal to itself alone."""
-
-    __slots__ = ("array",)
-
-    def __init__(self, array: Array) -> None:
-        self.array = array
-
-    def __hash__(self) -> int:
-        return id(self.array)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other.array is self.array
-
-
+@kept
 def table_of(time_s: Array, looks_s: tuple[float, ...]) -> Timetable:
-    """When a scenario with these rising times, the last of them its horizon, is looked at. Raises ValueError.
-
-    Kept while the same read-only times are asked for, which is what `sample_times` returns.
-    """
-    return _table(time_s, looks_s) if time_s.flags.writeable else _kept_table(_Same(time_s), looks_s)
-
-
-@lru_cache(maxsize=_TABLES_KEPT)
-def _kept_table(time_s: _Same, looks_s: tuple[float, ...]) -> Timetable:
-    return _table(time_s.array, looks_s)
-
-
-def _table(time_s: Array, looks_s: tuple[float, ...]) -> Timetable:
+    """When a scenario with these rising times, the last of them its horizon, is looked at. Raises ValueError."""
     own = own_times(time_s[-1:], quick=True)
     return Timetable(time_s, own, np.array(looks_s, dtype=np.float64), late_place(len(own)))
 

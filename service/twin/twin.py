@@ -10,7 +10,6 @@ from functools import partial
 from typing import Self, cast
 
 import numpy as np
-import numpy.typing as npt
 
 from model_store import Manifest
 from service.errors import InvalidValueError
@@ -24,7 +23,7 @@ from service.learning.trajectory_model import TrajectoryModel
 from service.physics.scenario import Array, Positions, Scenarios
 from service.physics.wheel_speed import slip_ratio, wheel_speed_rad_s
 from service.tracing import span_of
-from service.twin.batch import PredictionBatch
+from service.twin.batch import PredictionBatch, own_samples
 from service.twin.columns import bounds_of, first_band, first_prior, first_row, in_frame, positions_of, speeds
 from service.twin.many import ManyScenarios
 from service.twin.one import AnswersAtOnce, Asked, is_finite, summary_of, table_of, trajectory_of
@@ -165,7 +164,7 @@ class Twin:
         answer, and ValueError for times that do not fit the scenarios or for no scenarios.
         """
         many = ManyScenarios.of(scenarios)
-        horizons, physics, counts = many.horizon_s, many.as_physics(), _own_samples(time_s, many.horizon_s)
+        horizons, physics, counts = many.horizon_s, many.as_physics(), own_samples(time_s, many.horizon_s)
         asked = Asked(time_s, frame, band_level, with_prior, with_speed, with_wheel_speed)
         with span_of("predict", self, len(scenarios)):
             core = self._predicted(many, physics, horizons, asked)
@@ -376,22 +375,6 @@ class Twin:
 
     def _no_finite_answer(self, scenario: Scenario) -> NonFiniteError:
         return NonFiniteError(f"{self.name}@{self.version} has no finite answer for {scenario}")
-
-
-def _own_samples(time_s: Array, horizons_s: Array) -> npt.NDArray[np.intp]:
-    """How many samples of each row come before the horizon is repeated, shape (scenario,). Raises ValueError."""
-    rows = len(horizons_s)
-    if rows == 0 or time_s.ndim not in (1, 2) or (time_s.ndim == 2 and len(time_s) != rows) or not time_s.size:
-        raise ValueError(f"times of shape {time_s.shape} do not fit {rows} scenarios")
-    if rows == 1 and time_s.ndim == 1:
-        wrong = time_s[-1] != horizons_s[0]
-    else:
-        wrong = bool(np.any(time_s[..., -1] != horizons_s))
-    if wrong:
-        raise ValueError("times must end at their scenario's horizon")
-    if time_s.ndim == 1:
-        return np.full(rows, len(time_s), dtype=np.intp)
-    return np.asarray((time_s >= time_s[:, -1:]).argmax(axis=1) + 1, dtype=np.intp)
 
 
 def _joined(parts: Sequence[Array], rows: int) -> Array:

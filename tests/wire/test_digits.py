@@ -14,10 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.twin import NonFiniteError
+from service.twin.kept import kept
 from service.wire.digits import MOST_COLUMNS, Rounded, Texts, list_text, lists_text, table_text
 from service.wire.forms.arrow import stream_of
 from service.wire.forms.npz import archive_of
-from service.wire.kept import kept
 from service.wire.lines import Cells, Lines, Lists
 from tests.digits import HALF
 

@@ -98,7 +98,7 @@ def test_decimal_steps_have_whole_time_codes(horizon_s, dt_s, rate):
 def test_forms_cost_their_libraries_only_when_asked_for():
     program = """
 import sys
-import service.wire.forms, service.api.http.delivery
+import service.wire.forms, service.api.http.answers.delivery
 heavy = {"pyarrow", "matplotlib", "zstandard", "pxr"} & set(sys.modules)
 assert not heavy, heavy
 """

@@ -34,6 +34,7 @@ from model_store import (
     VersionInUseError,
     VersionNotFoundError,
 )
+from service.api.http.answers.negotiation import NotAcceptableError
 from service.api.http.exceptions import (
     AdminOffError,
     ForbiddenError,
@@ -51,7 +52,6 @@ from service.api.http.exceptions import (
     UploadStalledError,
 )
 from service.api.http.limits.worker_threads import ClientGoneError, OverloadedError
-from service.api.http.negotiation import NotAcceptableError
 from service.api.http.problems import PROBLEM_MEDIA_TYPE, PROBLEMS, Slug
 from service.datasets.file_names import printable
 from service.datasets.findings import Finding

@@ -11,10 +11,10 @@ from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 from starlette.responses import StreamingResponse
 
-from service.api.http.delivery import Delivery
+from service.api.http.answers.delivery import Delivery
+from service.api.http.answers.negotiation import choose
 from service.api.http.limits.answer_bytes import TEXT_BYTES, Room
 from service.api.http.many_problems import problems_of
-from service.api.http.negotiation import choose
 from service.api.http.openapi import form_of, problem_responses, schema_of
 from service.api.http.problems import Slug
 from service.api.http.reading import Route, parsed, require_json

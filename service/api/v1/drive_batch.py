@@ -8,10 +8,10 @@ import numpy as np
 from fastapi import Query, Request, Response
 from starlette.responses import StreamingResponse
 
-from service.api.http.delivery import Delivery
+from service.api.http.answers.delivery import Delivery
+from service.api.http.answers.negotiation import choose
 from service.api.http.limits.answer_bytes import Room
 from service.api.http.many_problems import problems_of
-from service.api.http.negotiation import choose
 from service.api.http.openapi import form_of, problem_responses, schema_of
 from service.api.http.problems import Slug
 from service.api.http.reading import Route, parsed, require_json

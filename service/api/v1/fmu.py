@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from fastapi import Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
+from service.api.http.answers.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route

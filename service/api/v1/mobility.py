@@ -7,8 +7,8 @@ from typing import Annotated, Any
 import orjson
 from fastapi import Query, Request, Response
 
-from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
-from service.api.http.negotiation import choose
+from service.api.http.answers.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
+from service.api.http.answers.negotiation import choose
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route

@@ -17,7 +17,7 @@ from model_store import (
     layout,
 )
 from model_store.references import DEFAULT_ALIAS
-from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
+from service.api.http.answers.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route

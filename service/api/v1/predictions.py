@@ -6,10 +6,10 @@ from typing import Annotated, Any
 
 from fastapi import Body, Query, Request, Response
 
-from service.api.http.compression import IDENTITY
-from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
+from service.api.http.answers.compression import IDENTITY
+from service.api.http.answers.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
+from service.api.http.answers.negotiation import choose
 from service.api.http.lanes import LaneRoute
-from service.api.http.negotiation import choose
 from service.api.http.openapi import form_of, problem_responses
 from service.api.http.problems import Slug
 from service.api.http.router import Router

@@ -10,8 +10,8 @@ from pydantic import BaseModel, ConfigDict
 from pydantic.json_schema import SkipJsonSchema
 
 from model_store import DEFAULT_ALIAS, Manifest, ModelStore, NotFoundError, VersionRetiredError
-from service.api.http.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
-from service.api.http.negotiation import choose
+from service.api.http.answers.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
+from service.api.http.answers.negotiation import choose
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import Route

@@ -14,9 +14,9 @@ from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, Validat
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, ErrorDetails
 
+from service.api.http.answers.written import Written
 from service.api.http.exceptions import BodyTooLargeError, UnsupportedMediaTypeError
 from service.api.http.reading import parsed
-from service.api.http.written import Written
 from service.api.v2.signature import Values
 from service.wire.faults import MAX_FAULTS, InputFault, InvalidInputError, fault
 from service.wire.forms.numbers import column_text, dump_finite

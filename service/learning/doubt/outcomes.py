@@ -170,7 +170,7 @@ def find_borders(ends: Ends, late_speed_m_s: Array, end_m: Array, reach: Array) 
 class _Search:
     """Halving between offsets on both sides of where one of the ends falls to a least value; then a straight line.
 
-    Columns (border, scenario), a border for each of `_WANTED`: an interval's offsets and what is known there.
+    Columns (border, scenario), a border for each of `_LEAST`: an interval's offsets and what is known there.
     """
 
     def __init__(self, ends: Ends, late_speed_m_s: Array, end_m: Array, reach: Array) -> None:

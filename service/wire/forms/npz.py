@@ -13,9 +13,9 @@ import numpy as np
 import numpy.lib.format as npy
 import numpy.typing as npt
 
+from service.twin.kept import kept
 from service.wire.forms.numbers import dump_finite, require_finite, require_finite_columns
 from service.wire.forms.subject import Writable
-from service.wire.kept import kept
 
 METADATA = "metadata"
 

@@ -17,8 +17,8 @@ import orjson
 
 from service.physics.scenario import Array
 from service.twin import NonFiniteError
+from service.twin.kept import kept
 from service.wire.digits import Rounded, Texts, list_text, lists_text, table_text
-from service.wire.kept import kept
 from service.wire.lines import Cells, Lists
 
 DECIMALS = 7

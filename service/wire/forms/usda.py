@@ -16,12 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from service.physics.scenario import Array
+from service.twin.kept import kept
 from service.wire.digits import MOST_DECIMALS, Rounded, Texts, Writer, table_text
 from service.wire.forms.numbers import DECIMALS, codes_texts, dump, dump_finite, require_finite, table_column
 from service.wire.forms.placement import PLAIN, Placement
 from service.wire.forms.rover_shape import shape, shape_extent, spin_deg
 from service.wire.forms.subject import Stage, Writable
-from service.wire.kept import kept
 
 _TURN_DECIMALS = 12  # of a quaternion: no reader sees that it is not quite of length 1
 _RATES = (10.0, 100.0, 1_000.0, 10_000.0)  # the last one is the finest step of the service

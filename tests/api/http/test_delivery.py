@@ -8,7 +8,7 @@ from itertools import combinations
 import pytest
 import zstandard
 
-from service.api.http.compression import SMALLEST_BYTES, Coding, choose_coding
+from service.api.http.answers.compression import SMALLEST_BYTES, Coding, choose_coding
 from service.twin import Twin
 from tests.api.conftest import QUESTION, move_alias, publish_version
 

@@ -13,10 +13,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from uvicorn.protocols.http.httptools_impl import RequestResponseCycle
 
+from service.api.http.answers.written import Written
 from service.api.http.connections.cycle import Cycle
 from service.api.http.reading import query_pairs
 from service.api.http.sent_headers import all_sent, first_sent
-from service.api.http.written import Written
 
 BODY = b"0123456789"
 LENGTH = (b"content-length", b"10")

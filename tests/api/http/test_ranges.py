@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.api.http.ranges import Range
+from service.api.http.answers.ranges import Range
 from tests.api.conftest import QUESTION
 
 PLAIN = {"accept-encoding": "identity"}

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from service.learning.drive import law as law_module
 from service.learning.drive import library as library_module
 from service.learning.drive.engine import Engine
 from service.learning.drive.law import Law
+from service.learning.drive.library import vector_bits
 from tests.learning.drive.laws import law_like_the_shipped_one
 
 
@@ -29,3 +31,14 @@ def law() -> Law:
 @pytest.fixture(scope="session")
 def engine(law: Law) -> Engine:
     return Engine(law)
+
+
+@pytest.fixture(scope="session")
+def engines(law: Law) -> list[Engine]:
+    """One for each width that this machine has."""
+    found = []
+    for bits in (each for each in (128, 256, 512) if each <= vector_bits()):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(law_module, "vector_bits", lambda bits=bits: bits)
+            found.append(Engine(law))
+    return found

@@ -10,26 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.learning.drive import law as law_module
 from service.learning.drive import threads
 from service.learning.drive.engine import Engine
-from service.learning.drive.law import Law
-from service.learning.drive.library import address, library, vector_bits
+from service.learning.drive.library import address, library
 from service.physics.scenario import Array
 from tests.learning.drive.test_hostile import WILD
-
-WIDTHS = (128, 256, 512)
-
-
-@pytest.fixture(scope="module")
-def engines(law: Law) -> list[Engine]:
-    """One for each width that this machine has."""
-    found = []
-    for bits in (each for each in WIDTHS if each <= vector_bits()):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(law_module, "vector_bits", lambda bits=bits: bits)
-            found.append(Engine(law))
-    return found
 
 
 @pytest.fixture

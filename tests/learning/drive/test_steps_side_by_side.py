@@ -3,30 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.learning.drive import law as law_module
 from service.learning.drive.engine import Engine
-from service.learning.drive.law import Law
-from service.learning.drive.library import vector_bits
 from service.physics.scenario import Array
 from tests.learning.drive.test_hostile import WILD
-from tests.learning.drive.test_side_by_side import WIDTHS, assert_same_bits
+from tests.learning.drive.test_side_by_side import assert_same_bits
 
 STEPS_S = [1e-6, 0.004, 0.02, 0.05, 0.1, 0.1 + 1e-11, 0.13, 1.0]
-
-
-@pytest.fixture(scope="module")
-def engines(law: Law) -> list[Engine]:
-    """One for each width that this machine has."""
-    found = []
-    for bits in (each for each in WIDTHS if each <= vector_bits()):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(law_module, "vector_bits", lambda bits=bits: bits)
-            found.append(Engine(law))
-    return found
 
 
 def started(engine: Engine, rng: np.random.Generator, count: int) -> Array:

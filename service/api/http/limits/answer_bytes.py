@@ -1,8 +1,7 @@
 """Bounds what answers hold in memory until their clients have taken them.
 
-A large body is handed to the connection piece by piece, each when the last one is on its way, and so is its end: so
-the request lasts as long as its answer does, and what is still to be sent is known. Beyond the limit new requests are
-refused.
+A large body goes to the connection piece by piece, each when the one before it is on its way. The request ends when all
+of them are, so what is still to be sent is known. Beyond the limit new requests are refused.
 
 A large answer is not begun before there is room for it: its arrays and its text are several times what a small service
 has. Those who ask for one wait for each other (`Room.reserve`), and nobody else does.

@@ -13,8 +13,8 @@ from model_store import DatasetNotFoundError, InvalidReferenceError
 from model_store.layout import is_job_id
 from service.access.tokens import Scope
 from service.api.admin import ADMIN_PROBLEMS, Admin, AdminRoute, about
+from service.api.http.answers.negotiation import choose
 from service.api.http.event_stream import EventStream
-from service.api.http.negotiation import choose
 from service.api.http.openapi import problem_responses
 from service.api.http.problems import Slug
 from service.api.http.reading import words_of

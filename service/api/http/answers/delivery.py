@@ -10,10 +10,10 @@ from typing import Any
 from fastapi import Request, Response
 
 import service
-from service.api.http.compression import IDENTITY, SMALLEST_BYTES, Coding, choose_coding, compressed
-from service.api.http.ranges import NO_RANGE, PARTIAL, Range, content_range
+from service.api.http.answers.compression import IDENTITY, SMALLEST_BYTES, Coding, choose_coding, compressed
+from service.api.http.answers.ranges import NO_RANGE, PARTIAL, Range, content_range
+from service.api.http.answers.written import Written, content_type
 from service.api.http.sent_headers import all_sent, first_sent
-from service.api.http.written import Written, content_type
 from service.pictures import report
 from service.twin import Loaded
 
@@ -46,8 +46,8 @@ NOT_MODIFIED: dict[int | str, dict[str, Any]] = {
 class Delivery:
     """What one request's headers want, and what its answer's say. `cached` are the headers of the cache.
 
-    Only what can be cached comes in parts: its bytes are the same each time. Not to be changed: only that Python takes
-    three times as long to make what it watches over.
+    Only what can be cached comes in parts: its bytes are the same each time. Nobody changes one.
+    It is not frozen, since to make a frozen one takes three times as long.
     """
 
     media_type: str
