@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from service.cli import options
 from service.cli.failures import ServerError
+
+if TYPE_CHECKING:
+    from types import ModuleType
 
 
 def serve(
@@ -59,11 +65,8 @@ def serve(
     All of a machine with four processors:
       rover-twin serve --workers 4
     """
-    from service.memory import uncollected
-
-    with uncollected():
-        from service.server import run_server
-        from service.settings import load_settings
+    server = imported_server()
+    from service.settings import load_settings
 
     settings = load_settings(
         host=host,
@@ -75,6 +78,30 @@ def serve(
         store_url=store,
     )
     try:
-        run_server(settings)
+        server.run_server(settings)
     except SystemExit as error:  # uvicorn's way to say that it cannot listen, with exit codes of its own
         raise ServerError(f"the server on {settings.host}:{settings.port} ended; its log above says why") from error
+
+
+def imported_server() -> ModuleType:
+    """`service.server`, imported as fast as can be."""
+    from service.memory import uncollected
+
+    with uncollected():
+        with _without("rich"):  # for tracebacks in colours, which our log does not have: a tenth of a start
+            import structlog  # noqa: F401
+        from service import server
+    return server
+
+
+@contextmanager
+def _without(package: str) -> Iterator[None]:
+    """To whoever imports something within, a package that was not imported before seems not to be installed."""
+    if package in sys.modules:
+        yield
+        return
+    sys.modules[package] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        del sys.modules[package]
