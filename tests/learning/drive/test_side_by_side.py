@@ -179,5 +179,6 @@ def test_no_number_leads_out_of_bounds(engines: list[Engine], seed: int):
         assert (outputs[:, order[-1]] == -7.0).all()  # was not asked for
         one = np.full((5, count, times), -7.0)
         library().rover_constant(law, count, *rows, address(one))
-        if np.isfinite(one).all() and np.isfinite(scenarios).all():  # a torque that is not a number is new in each cell
+        rise = (np.diff(moments) >= 0.0).all()  # of others only the place is right
+        if rise and np.isfinite(one).all() and np.isfinite(scenarios).all():  # a torque of NaN is new in each cell
             assert_same_bits(outputs[:, order[:-1]], one[:, order[:-1]])

@@ -109,10 +109,9 @@ void rover_motion_begin(rover_motion *motion, const rover_law *law, const double
     motion->interval = 0;
 }
 
-/* Position and speed at times since the start of the present cell */
-#define MOVED_PARAMETERS \
-    (const rover_state *state, double start_s, int64_t count, const double *time_s, const rover_columns *to)
-ROVER_INLINE void moved_at MOVED_PARAMETERS
+/* Where a rover is at times since the start of the present cell, and, if it is `moving`, how fast it and its wheels are. */
+ROVER_INLINE void told_at(int moving, const rover_state *state, double start_s, int64_t count, const double *time_s,
+                          const rover_columns *to)
 {
     rover_state kept; /* of which only this is used: it stays in registers */
     kept.x_m = state->x_m;
@@ -126,16 +125,25 @@ ROVER_INLINE void moved_at MOVED_PARAMETERS
     double *restrict x_m = to->x_m, *restrict speed_m_s = to->speed_m_s, *restrict height_m = to->height_m;
     double *restrict front_rad_s = to->front_rad_s, *restrict rear_rad_s = to->rear_rad_s;
     for (int64_t i = 0; i < count; i++) {
-        double within = time_s[i] - start_s;
+        double speed, within = time_s[i] - start_s;
         within = within > kept.cell_s - same_time_s ? kept.cell_s : within;
         within = within > same_time_s ? within : 0.0;
-        rover_moved_to(&kept, within, x_m + i, speed_m_s + i);
+        rover_moved_to(&kept, within, x_m + i, &speed);
         height_m[i] = height + rise * within;
-        front_rad_s[i] = front + front_by_speed * (speed_m_s[i] - kept.speed_m_s);
-        rear_rad_s[i] = rear + rear_by_speed * (speed_m_s[i] - kept.speed_m_s);
+        if (!moving)
+            continue;
+        speed_m_s[i] = speed;
+        front_rad_s[i] = front + front_by_speed * (speed - kept.speed_m_s);
+        rear_rad_s[i] = rear + rear_by_speed * (speed - kept.speed_m_s);
     }
 }
-ROVER_VERSIONS(moved_at, MOVED_PARAMETERS, (state, start_s, count, time_s, to))
+#define TOLD_PARAMETERS \
+    (const rover_state *state, double start_s, int64_t count, const double *time_s, const rover_columns *to)
+#define TOLD_ARGUMENTS (state, start_s, count, time_s, to)
+ROVER_INLINE void moved_at TOLD_PARAMETERS { told_at(1, state, start_s, count, time_s, to); }
+ROVER_INLINE void placed_at TOLD_PARAMETERS { told_at(0, state, start_s, count, time_s, to); }
+ROVER_VERSIONS(moved_at, TOLD_PARAMETERS, TOLD_ARGUMENTS)
+ROVER_VERSIONS(placed_at, TOLD_PARAMETERS, TOLD_ARGUMENTS)
 
 static void write_slopes(rover_motion *motion, double slope_rad, int64_t first, int64_t end, const rover_columns *to)
 {
@@ -158,9 +166,24 @@ static void turn(rover_turning *turning, int64_t first, int64_t end, const rover
     }
 }
 
+/* The same where nothing but positions is written: looks at each time once more. */
+static void turn_alone(rover_turning *turning, int64_t end, const rover_state *state, double start_s,
+                       const double *time_s)
+{
+    double found[5];
+    rover_columns one = {found, found + 1, found + 2, found + 3, found + 4, NULL, NULL};
+    while (turning->next < turning->count && turning->places[turning->next] < end) {
+        int64_t place = turning->places[turning->next];
+        moved_at(state, start_s, 1, time_s + place, &one);
+        turn(turning, place, place + 1, &one);
+    }
+}
+
+/* Few times are told one by one. Of many, whose speeds nobody asked for, only the positions are. */
 static void write(rover_motion *motion, const rover_state *state, double start_s, int64_t first, int64_t end,
                   const double *time_s, const rover_columns *to)
 {
+    int moving = to->speed_m_s != NULL;
     for (int64_t i = first; i < end; i += ROVER_PIECE) {
         double unasked[4][ROVER_PIECE];
         int64_t count = end - i < ROVER_PIECE ? end - i : ROVER_PIECE;
@@ -168,12 +191,27 @@ static void write(rover_motion *motion, const rover_state *state, double start_s
                               PART(height_m, 3), NULL, NULL};
         if (count < 4)
             moved_at(state, start_s, count, time_s + i, &part);
-        else
+        else if (moving)
             ROVER_CALL(motion->place.law->vector_bits, moved_at, (state, start_s, count, time_s + i, &part));
-        if (to->turning)
+        else
+            ROVER_CALL(motion->place.law->vector_bits, placed_at, (state, start_s, count, time_s + i, &part));
+        if (to->turning && (moving || count < 4))
             turn(to->turning, i, i + count, &part);
+        else if (to->turning)
+            turn_alone(to->turning, i + count, state, start_s, time_s);
     }
     write_slopes(motion, state->slope_rad, first, end, to);
+}
+
+/* The first time from number `at` on that is later than the limit; they rise. */
+ROVER_INLINE int64_t past(const double *time_s, int64_t at, int64_t times, double limit_s)
+{
+    enum { SOME = 16 };
+    while (at + SOME < times && time_s[at + SOME] <= limit_s)
+        at += SOME;
+    while (at < times && time_s[at] <= limit_s)
+        at++;
+    return at;
 }
 
 int64_t rover_advance(rover_motion *motion, rover_state *state, const rover_inputs *inputs, double from_s,
@@ -197,8 +235,7 @@ int64_t rover_advance(rover_motion *motion, rover_state *state, const rover_inpu
         double end = start + length;
         int whole = end <= until_s + same_time_s, last = end >= until_s - same_time_s;
         int64_t asked = at;
-        while (at < times && time_s[at] <= (last ? until_s : end) + same_time_s)
-            at++;
+        at = past(time_s, at, times, (last ? until_s : end) + same_time_s);
         if (at > asked)
             write(motion, state, start, asked, at, time_s, to);
         if (whole)

@@ -20,25 +20,39 @@ static double mean_wheel_speed(const rover_turning *of)
     return (of->sum - 0.5 * (of->first + of->last)) / (2.0 * (double)(of->count - 1));
 }
 
-/* Moves what is shown to the front of its row. Of most answers all times are shown, or all but the last ones. */
+/* Moves what is shown to the front of its row, eight at a time: what is not shown lies between them seldom. */
 static void gather(const rover_timetable *table, double *row)
 {
-    int64_t i = 0;
-    while (i < table->shown && table->shown_places[i] == i)
-        i++;
-    for (; i < table->shown; i++)
-        row[i] = row[table->shown_places[i]];
+    enum { MANY = 8 };
+    const int64_t *from = table->shown_places;
+    for (int64_t i = 0; i < table->shown;) {
+        double some[MANY];
+        if (i + MANY <= table->shown && from[i + MANY - 1] - from[i] == MANY - 1) {
+            memcpy(some, row + from[i], sizeof some);
+            memcpy(row + i, some, sizeof some);
+            i += MANY;
+        } else {
+            row[i] = row[from[i]];
+            i++;
+        }
+    }
 }
 
 /* Whether all are: in none of them every bit of the exponent is set, so that one more carries into the sign. */
-static int are_finite(int64_t count, const double *numbers)
+#define FINITE_PARAMETERS (int64_t count, const double *numbers, uint64_t *carried)
+ROVER_INLINE void carry FINITE_PARAMETERS
 {
-    uint64_t carried = 0;
-    for (int64_t i = 0; i < count; i++) {
-        uint64_t bits;
-        memcpy(&bits, numbers + i, sizeof bits);
-        carried |= (bits & 0x7ff0000000000000u) + 0x0010000000000000u;
-    }
+    uint64_t some = 0;
+    for (int64_t i = 0; i < count; i++)
+        some |= (rover_bits(numbers[i]) & 0x7ff0000000000000u) + 0x0010000000000000u;
+    *carried = some;
+}
+ROVER_VERSIONS(carry, FINITE_PARAMETERS, (count, numbers, carried))
+
+static int are_finite(int64_t vector_bits, int64_t count, const double *numbers)
+{
+    uint64_t carried;
+    ROVER_CALL(vector_bits, carry, (count, numbers, &carried));
     return !(carried >> 63);
 }
 
@@ -71,7 +85,7 @@ void rover_scenario(const rover_law *law, const rover_release *release, const ro
     account[ROVER_FINITE] = 1.0;
     for (double *row = outputs; row < outputs + columns * times; row += times) {
         gather(table, row);
-        if (!are_finite(table->shown, row))
+        if (!are_finite(law->vector_bits, table->shown, row))
             account[ROVER_FINITE] = 0.0;
     }
 }
