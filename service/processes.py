@@ -69,6 +69,7 @@ class _Processes:
                     received = await anext(signals)
                     self._ending.set()
                     self._tell(received)
+                    self._listener.close()  # else clients are let in whom nobody answers when the others have closed it
                     tasks.start_soon(self._kill_late)
                     tasks.start_soon(self._pass_on, signals)
                 tasks.cancel_scope.cancel()

@@ -96,8 +96,10 @@ class Server(uvicorn.Server):
         self._connections.close()
         await self._lifecycle.live.end(min(_PARTING_S, float(self.config.timeout_graceful_shutdown or _PARTING_S)))
         self._acceptor.take(self.config.backlog)  # whom the system let in is answered, and not reset
-        await self._acceptor.settle()
         self._acceptor.close()
+        for door in (*self.servers, *(sockets or ())):  # at once: who came meanwhile would be reset
+            door.close()
+        await self._acceptor.settle()
         await super().shutdown(sockets)
 
     async def on_tick(self, counter: int) -> bool:

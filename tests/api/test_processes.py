@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 
 import httpx
@@ -122,6 +123,39 @@ def test_an_interrupt_is_passed_on_once_and_ends_without_a_traceback_also_while_
         assert codes == [-signal.SIGINT, 130]  # the command turns it into an exit code
         assert "Traceback" not in starting.stderr.read()
     assert not [each for each in below if each.is_running() and each.status() != psutil.STATUS_ZOMBIE]
+
+
+@pytest.mark.parametrize("workers", [1, WORKERS])
+def test_an_end_resets_no_client_that_was_let_in(store, publish, move, own_process, question, workers):
+    move(store, publish(store))
+    client, process = own_process(workers=workers, threads=1, drain_s=0)
+    address = client.base_url.host, client.base_url.port
+    ask = f"GET /v1/predictions?{httpx.QueryParams(question)} HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n".encode()
+    told: Counter[str] = Counter()
+
+    def visit() -> None:
+        while not told["refused"]:
+            try:
+                with socket.create_connection(address, timeout=20) as connection:
+                    connection.sendall(ask)
+                    told["answered" if connection.recv(64).startswith(b"HTTP/1.1 200 ") else "dropped"] += 1
+                    while connection.recv(1 << 16):
+                        pass
+            except ConnectionRefusedError:
+                told["refused"] += 1
+            except OSError:
+                told["reset"] += 1
+
+    with ThreadPoolExecutor(32) as pool:
+        visits = [pool.submit(visit) for _ in range(32)]
+        eventually(lambda: told["answered"] > 100)
+        process.send_signal(signal.SIGTERM)
+        process.wait(timeout=30)
+        [each.result() for each in visits]
+
+    assert told["dropped"] == 0
+    assert told["reset"] <= 1  # between the last look at the door and its close
+    assert told["refused"] > 0
 
 
 @pytest.mark.kills
