@@ -37,7 +37,7 @@ class Numbers(dict):
 
 def scraped(client) -> Numbers:
     answer = client.get("/metrics")
-    assert answer.status_code == 200
+    assert answer.status_code == 200, answer.text
     assert answer.headers["content-type"].startswith("text/plain")
     return Numbers(samples(answer.text))
 
