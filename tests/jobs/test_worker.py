@@ -79,7 +79,7 @@ def submit(store, jobs, request=NETWORK, **changes):
     return jobs.submit(checked, actor="tester")[0].id
 
 
-def ended(jobs, job_id, timeout_s=60):
+def ended(jobs, job_id, timeout_s=150):
     job = until(lambda: (job := jobs.get(job_id)) and job.finished_at and job, timeout_s, f"job {job_id} ended")
     assert job.failure is None, job.failure
     return job
