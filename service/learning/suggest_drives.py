@@ -8,7 +8,7 @@ worth less.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -17,7 +17,7 @@ import numpy as np
 from service.errors import InvalidValueError
 from service.learning.doubt.doubt import Doubt
 from service.learning.doubt.meeting import Meeting
-from service.learning.drive.inputs import Controls, Track
+from service.learning.drive.inputs import Controls, Route, Track
 from service.learning.drive.model import DriveModel
 from service.learning.suggest import MOST_SUGGESTIONS
 from service.physics.scenario import Array, Positions
@@ -111,14 +111,11 @@ def _is_driven(model: DriveModel, drive: SuggestedDrive) -> bool:
 def _judged(model: DriveModel, doubt: Doubt, drive: SuggestedDrive) -> tuple[SuggestedDrive, Array, float]:
     """With its chances, its mean place, and what it is worth."""
     meeting, _ = meeting_of(model, drive)
-    start, track, controls = (
-        model.start(drive.mass_kg, float(drive.track().slope_rad[0])),
-        drive.track(),
-        drive.controls(),
-    )
+    track, controls = drive.track(), drive.controls()
+    start = model.start(drive.mass_kg, float(track.slope_rad[0]))
 
-    def driven(offset: float) -> Positions:
-        return model.drive(start, track, controls, meeting.time_s, offset)[0]
+    def driven(offsets: Sequence[float], time_s: Array) -> Array:
+        return model.engine.ways_along([Route(start, track, controls, each) for each in offsets], time_s)
 
     chances = doubt.drive_probabilities(driven, meeting)
     worth = float(doubt.worth(doubt.drive_scales(meeting)[0], chances)[0])

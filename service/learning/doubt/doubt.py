@@ -7,7 +7,8 @@ promise is pointwise: of all times of all runs like these, that share lies insid
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,11 +17,22 @@ import numpy.typing as npt
 
 from service.errors import InvalidValueError
 from service.learning.doubt import coverage, multipliers
+from service.learning.doubt.ending import Ending
 from service.learning.doubt.evidence import Evidence
-from service.learning.doubt.excursions import LARGEST_ERROR, UNIT_OFFSET, late_part, remainder_m
+from service.learning.doubt.excursions import LARGEST_ERROR, UNIT_OFFSET, remainder_m
 from service.learning.doubt.meeting import LAST_PART, Meeting, OffsetModel, look_times, scenario_places, settled_speed
 from service.learning.doubt.multipliers import Kinds
-from service.learning.doubt.outcomes import Class, Ends, OutcomeLaw, classes, climbs, entropy, falls_back, find_borders
+from service.learning.doubt.outcomes import (
+    LATE_SPEED_M_S,
+    Class,
+    Ends,
+    OutcomeLaw,
+    classes,
+    climbs,
+    entropy,
+    falls_back,
+    find_borders,
+)
 from service.learning.doubt.scale import Scale
 from service.learning.edges import Edges
 from service.learning.observed import ObservedRun
@@ -33,9 +45,10 @@ LOWEST_LEVEL, HIGHEST_LEVEL = multipliers.LEVELS[0], multipliers.LEVELS[-1]
 _SURE_NATS = 0.01  # what counts of a force balance where the outcome is sure
 _FAST_M_S = 0.1
 _LADDER = (LOWEST_LEVEL, 0.9, HIGHEST_LEVEL)
+_FIRST = np.zeros(1, dtype=np.intp)
 _A_DRIVE = Kinds(np.array([multipliers.DRIVE]), np.zeros(1))
-# What a drive is with an offset: its positions (1, time) at the times of its meeting.
-OffsetDrive = Callable[[float], Positions]
+# The x (offset, time) that a drive has with each of some offsets, at some of its times.
+OffsetWays = Callable[[Sequence[float], Array], Array]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,15 +98,16 @@ class Doubt:
         """
         scales, kinds = self._scenario_scales(scenarios, seen_m)
 
-        def sides(offsets: Array) -> Sequence[Array]:
-            return [model.ways_with(scenarios, time_s, side * offsets) for side in (1.0, -1.0)]
+        def sides(offsets: Sequence[Array]) -> Iterator[Sequence[Array]]:
+            for each in offsets:
+                yield [model.ways_with(scenarios, time_s, side * each) for side in (1.0, -1.0)]
 
         edges = self._edges(sides, kinds, scales, level, centre, time_s)
         return _within(edges, centre.x_m, *self._possible(np.sin(scenarios.slope_angle_rad)[:, None], time_s))
 
     def drive_edges(
         self,
-        drive: OffsetDrive,
+        drive: OffsetWays,
         meeting: Meeting,
         level: float,
         centre: Positions,
@@ -104,17 +118,24 @@ class Doubt:
     ) -> Edges:
         """The band around a drive's positions `centre` (1, time), at `time_s`, or else at the times of its meeting.
 
-        `drive` is at the same times. `scales` are the meeting's `drive_scales`, where the caller has them, `possible`
-        the x between which the rover must be, (time,) each.
+        `scales` are the meeting's `drive_scales`, where the caller has them, `possible` the x between which the rover
+        must be, (time,) each. `drive` is asked once, for `drive_sides`.
         """
         times = meeting.time_s if time_s is None else time_s
 
-        def sides(offsets: Array) -> Sequence[Array]:
-            return [drive(side * float(offsets[0])).x_m for side in (1.0, -1.0)]
-
         known = self.drive_scales(meeting) if scales is None else scales
+
+        def sides(_offsets: Sequence[Array]) -> Iterator[Sequence[Array]]:
+            found = drive(self.drive_sides(level, known), times)[:, None]
+            return iter(zip(found[::2], found[1::2], strict=True))
+
         edges = self._edges(sides, _A_DRIVE, known, level, centre, times)
         return edges if possible is None else _within(edges, centre.x_m, *possible)
+
+    def drive_sides(self, level: float, scales: Array) -> list[float]:
+        """The offsets of a drive that its band at a level is made of."""
+        offsets = (float(self._offsets(most, scales)[0]) for most in self._ladder(_A_DRIVE, level))
+        return [side * each for each in offsets for side in (1.0, -1.0)]
 
     def possible_ways(self, sines: tuple[float, float], start_speed_m_s: float, time_s: Array) -> tuple[Array, Array]:
         """Between which x a drive must be: as `_possible`, where the slope's sine is between two numbers."""
@@ -126,7 +147,7 @@ class Doubt:
 
     def _edges(
         self,
-        sides: Callable[[Array], Sequence[Array]],
+        sides: Callable[[Sequence[Array]], Iterator[Sequence[Array]]],
         kinds: Kinds,
         scales: Array,
         level: float,
@@ -140,19 +161,25 @@ class Doubt:
         factors, x, y = self._factors(kinds, level), centre.x_m, centre.y_m
         low, high = x, x
         least = np.zeros(len(x))
-        for step in _LADDER:
-            most = self._factors(kinds, step)[0]
-            behind, ahead = sides(np.minimum(most * scales[0] * UNIT_OFFSET, LARGEST_ERROR))
+        ladder = self._ladder(kinds, level)
+        for most, (behind, ahead) in zip(ladder, sides([self._offsets(most, scales) for most in ladder]), strict=True):
             room = (most * scales[0])[:, None] * remainder_m(time_s, x)
             below = np.minimum(low, np.minimum(np.minimum(behind, ahead), x) - room)
             above = np.maximum(high, np.maximum(np.maximum(behind, ahead), x) + room)
-            if level <= step:
+            if most is ladder[-1]:
                 share = ((factors[0] - least) / np.maximum(most - least, 1e-12))[:, None]
-                low, high = low + share * (below - low), high + share * (above - high)
-                break
+                below, above = low + share * (below - low), high + share * (above - high)
             low, high, least = below, above, most
         half_y = (factors[1] * scales[1])[:, None]
         return Edges(low, high, y - half_y, y + half_y)
+
+    def _ladder(self, kinds: Kinds, level: float) -> list[Array]:
+        """The multipliers for x, (scenario,) each, of the ladder's steps up to the one that reaches a level."""
+        return [self._factors(kinds, step)[0] for step in _LADDER[: bisect_left(_LADDER, level) + 1]]
+
+    @staticmethod
+    def _offsets(most: Array, scales: Array) -> Array:
+        return np.asarray(np.minimum(most * scales[0] * UNIT_OFFSET, LARGEST_ERROR))
 
     def _possible(self, sine: Array, time_s: Array) -> tuple[Array, Array]:
         """Between which x a rover from rest must be: it neither falls faster than freely nor outruns idling motors."""
@@ -232,46 +259,41 @@ class Doubt:
         return np.asarray(scale * (_SURE_NATS + np.maximum(entropy(chances) - least, 0.0)))
 
     def drive_probabilities(
-        self,
-        drive: OffsetDrive,
-        meeting: Meeting,
-        scales: Array | None = None,
-        at: Callable[[float, Array], Array] | None = None,
+        self, drive: OffsetWays, meeting: Meeting, scales: Array | None = None, ending: Ending | None = None
     ) -> Array:
-        """Of passing, sticking and sliding at the end of a drive, (3,). `scales` as those of `drive_edges`.
+        """Of passing, sticking and sliding at the end of a drive, (3,).
 
-        `at` gives the x that the drive with an offset has at some of the times, where that is sooner had than all.
+        `scales` as those of `drive_edges`, `ending` is the meeting's. `drive` is asked for the times of the ending, for
+        `drive_reaches` first.
         """
-        scale = UNIT_OFFSET * (self.drive_scales(meeting) if scales is None else scales)[0]
-        seconds, steps = late_part(meeting.time_s, meeting.driven), meeting.time_s[1:] - meeting.time_s[:-1]
-        weights = seconds / np.maximum(steps, 1e-12) / max(float(seconds.sum()), 1e-12)
-        counts = np.concatenate([-weights[:1], weights[:-1] - weights[1:], weights[-1:]])  # of x for the late speed
-        counted = np.abs(counts) >= 1e-11  # less is what rounding leaves of equal steps
-        counted[0] = counted[-1] = True
-        rows = np.flatnonzero(counted)
+        scales = self.drive_scales(meeting) if scales is None else scales
+        ending = Ending.of(meeting) if ending is None else ending
         known: dict[float, tuple[float, float]] = {}
 
-        def ended(x_m: Array) -> tuple[float, float]:
-            return float(np.dot(x_m, counts[rows])), float(x_m[-1] - x_m[0])
-
-        def ended_with(offset: float) -> tuple[float, float]:
-            if offset not in known:
-                some = drive(offset).x_m[0][rows] if at is None else at(offset, meeting.time_s[rows])
-                known[offset] = ended(some)
-            return known[offset]
-
         def ends(offsets: Array, _rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
-            found = np.array([ended_with(float(offset)) for offset in offsets])
+            asked = offsets.tolist()
+            if fresh := [each for each in dict.fromkeys(asked) if each not in known]:
+                known.update(zip(fresh, map(ending.at, drive(fresh, ending.time_s)), strict=True))
+            found = np.array([known[each] for each in asked])
             return found[:, 0], found[:, 1]
 
-        middle = ended(meeting.x_m[rows])
-        reach = np.minimum(self.outcomes.reach(scale), LARGEST_ERROR)
-        if climbs(*middle) and climbs(*ended_with(float(reach[0]))):
+        middle = ending.at(meeting.x_m[ending.rows])
+        reaches = self.drive_reaches(middle, scales)
+        late, end = ends(np.array(reaches), _FIRST)
+        if climbs(*middle) and climbs(float(late[0]), float(end[0])):
             return self.outcomes.sure(Class.CLIMBS)
-        if falls_back(middle[0]) and falls_back(ended_with(-float(reach[0]))[0]):
+        if falls_back(middle[0]) and falls_back(float(late[0])):
             return self.outcomes.sure(Class.SLIDES)
+        reach = np.array([abs(reaches[0])])
         found = find_borders(ends, np.array([middle[0]]), np.array([middle[1]]), reach)
-        return np.asarray(self.outcomes.probabilities(found, scale)[0])
+        return np.asarray(self.outcomes.probabilities(found, UNIT_OFFSET * scales[0])[0])
+
+    def drive_reaches(self, middle: tuple[float, float], scales: Array) -> list[float]:
+        """The offsets at which a drive's borders are looked for first. `middle` is its `Ending` without an offset."""
+        reach = float(np.minimum(self.outcomes.reach(UNIT_OFFSET * scales[0]), LARGEST_ERROR)[0])
+        late, end = middle
+        ahead = [-reach] if late < LATE_SPEED_M_S or end < 0.0 else []
+        return [reach, *ahead] if late >= -LATE_SPEED_M_S else ahead
 
     def drive_scales(self, meeting: Meeting) -> Array:
         """What to expect along a drive: (2, 1), of offsets in units of UNIT_OFFSET, and of y (m)."""

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from service.learning.drive.inputs import Controls, Track, require_slopes
+from service.learning.drive.inputs import Controls, Route, Track, require_slopes
 from service.learning.drive.law import LaidOutLaw, Law
-from service.learning.drive.library import HEIGHTS, MOST_S, OUTPUTS, address, contiguous, library
+from service.learning.drive.library import HEIGHTS, MOST_S, OUTPUTS, CompiledRoute, address, contiguous, library
 from service.learning.drive.state import SIZE, State
 from service.learning.drive.threads import in_parts
 from service.learning.drive.timetable import Account, Timetable
@@ -92,24 +92,13 @@ class Engine:
         a fraction of the weight. Raises ValueError for a state of another law and for times that fall, are negative,
         not finite or beyond MOST_S.
         """
-        outputs, numbers = self._driven(self._address, start, track, controls, time_s, offset)
-        return Motion(*outputs), State(numbers)
-
-    def positions(self, start: State, track: Track, controls: Controls, time_s: Array, offset: float = 0.0) -> Array:
-        """The x (time,) of `drive` alone, to the bit: a seventh sooner, as nothing is said of heights."""
-        return np.asarray(self._driven(self._flat.address, start, track, controls, time_s, offset)[0][0])
-
-    def _driven(
-        self, law: int, start: State, track: Track, controls: Controls, time_s: Array, offset: float
-    ) -> tuple[Array, Array]:
-        """Columns (OUTPUTS, time) and the numbers of the state at the last time."""
         self._require_own(start)
         _require(math.isfinite(offset), f"offset must be finite, got {offset}")
         times = _times(time_s)
         numbers, outputs = start.numbers.copy(), np.empty((OUTPUTS, len(times)))
         along, told = track.compiled(), controls.compiled()
         self._library.rover_drive(
-            law,
+            self._address,
             address(numbers),
             addressof(along),
             addressof(told),
@@ -118,7 +107,34 @@ class Engine:
             address(times),
             address(outputs),
         )
-        return outputs, numbers
+        return Motion(*outputs), State(numbers)
+
+    def along(self, routes: Sequence[Route], time_s: Array) -> list[Motion]:
+        """The motion of `drive` for each of many, to the bit, at the same times.
+
+        Routes that follow each other go side by side if they begin, have no brake and change their torques at the same
+        times. Raises ValueError as `drive` does.
+        """
+        found = self._along(self._address, routes, time_s, OUTPUTS)
+        return [Motion(*found[:, row]) for row in range(len(routes))]
+
+    def ways_along(self, routes: Sequence[Route], time_s: Array) -> Array:
+        """The x (route, time) of `along` alone, to the bit: a seventh sooner, as nothing is said of heights."""
+        return np.asarray(self._along(self._flat.address, routes, time_s, 1)[0])
+
+    def _along(self, law: int, routes: Sequence[Route], time_s: Array, columns: int) -> Array:
+        """Columns (columns, route, time)."""
+        times, count = _times(time_s), len(routes)
+        compiled = (CompiledRoute * count)()
+        for each, at in zip(routes, compiled, strict=True):
+            self._require_own(each.start)
+            _require(math.isfinite(each.offset), f"offset must be finite, got {each.offset}")
+            at.start, at.offset = address(each.start.numbers), each.offset
+            at.track, at.controls = addressof(each.track.compiled()), addressof(each.controls.compiled())
+        outputs = np.empty((columns, count, len(times)))
+        to = address(outputs)
+        self._library.rover_drives(law, count, addressof(compiled), len(times), address(times), columns, to)
+        return outputs
 
     def constant(
         self,

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from service.learning.drive.library import CompiledControls, CompiledTrack, address, contiguous
+from service.learning.drive.state import State
 from service.physics.scenario import Array
 
 
@@ -124,6 +125,16 @@ class Controls:
     def compiled(self) -> CompiledControls:
         """As the engine has it, as long as this is kept."""
         return self._compiled
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Route:
+    """One drive of many: from a state along a track under controls; `offset` is added to the resistance."""
+
+    start: State
+    track: Track
+    controls: Controls
+    offset: float = 0.0
 
 
 def require_slopes(slope_rad: Array) -> None:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from service.physics.scenario import Array
 
 PATH = Path(__file__).with_name("native") / "librover.so"
-INTERFACE = 4  # ROVER_INTERFACE of native/engine.h
+INTERFACE = 5  # ROVER_INTERFACE of native/engine.h
 RUT_CELLS = 64  # ROVER_RUT_CELLS
 MOST_S = 1e6  # ROVER_MOST_S
 HEIGHTS = 37  # ROVER_HEIGHTS
@@ -100,6 +100,12 @@ class CompiledControls(ctypes.Structure):
     _fields_: ClassVar[_Fields] = [("count", _INTEGER), *((n, _POINTER) for n in ("time_s", "torque_nm", "brake"))]
 
 
+class CompiledRoute(ctypes.Structure):
+    """`rover_route`."""
+
+    _fields_: ClassVar[_Fields] = [*((n, _POINTER) for n in ("start", "track", "controls")), ("offset", _NUMBER)]
+
+
 class CompiledRun(ctypes.Structure):
     """`rover_run`."""
 
@@ -161,6 +167,7 @@ MIRRORS: dict[str, type[ctypes.Structure]] = {
     "rover_state": CompiledState,
     "rover_track": CompiledTrack,
     "rover_controls": CompiledControls,
+    "rover_route": CompiledRoute,
     "rover_run": CompiledRun,
     "rover_release": CompiledRelease,
     "rover_wholes": CompiledWholes,
@@ -177,6 +184,7 @@ _ARGUMENTS: dict[str, tuple[list[type], type | None]] = {
     "rover_start": ([_POINTER, _NUMBER, _NUMBER, _POINTER], None),
     "rover_present": ([_INTEGER, _POINTER, _POINTER], None),
     "rover_drive": ([*[_POINTER] * 4, _NUMBER, _INTEGER, _POINTER, _POINTER], None),
+    "rover_drives": ([_POINTER, _INTEGER, _POINTER, _INTEGER, _POINTER, _INTEGER, _POINTER], None),
     "rover_constant": ([_POINTER, _INTEGER, _POINTER, _INTEGER, _POINTER, _INTEGER, _POINTER], None),
     "rover_side_by_side": (
         [*[_POINTER, _INTEGER] * 4, _INTEGER, *[_POINTER] * 2],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from service.twin.drives.driving import Drive, Wanted, drive, require_driver
+from service.twin.drives.driving import Drive, Wanted, drive, drives, require_driver
 from service.twin.drives.events import Event, EventName
 from service.twin.drives.ground import Ground
 from service.twin.drives.question import HORIZON_S, LONGEST_S, DriveQuestion, controls_of
@@ -25,5 +25,6 @@ __all__ = [
     "Wanted",
     "controls_of",
     "drive",
+    "drives",
     "require_driver",
 ]

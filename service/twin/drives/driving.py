@@ -1,13 +1,13 @@
-"""The answer to one question: trajectory, events, summary, band and domain, from as few drives of the engine as can be.
+"""The answers to questions: trajectory, events, summary, band and domain, from as few drives of the engine as can be.
 
 One drive gives points and summary, one or two more the probabilities; a band takes two to six, and so does the interval
-of an arrival.
+of an arrival. Drives that are known to be needed go together: side by side where the engine can (`Engine.along`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,8 +17,10 @@ import numpy.typing as npt
 
 from service.errors import InvalidValueError
 from service.learning.doubt.doubt import HIGHEST_LEVEL, LOWEST_LEVEL, Doubt
+from service.learning.doubt.ending import Ending
 from service.learning.doubt.meeting import Meeting
 from service.learning.doubt.outcomes import Class
+from service.learning.drive.engine import Engine, Motion
 from service.physics.scenario import Array, Positions
 from service.tracing import span
 from service.twin.drives import summary as numbers
@@ -26,7 +28,7 @@ from service.twin.drives.events import Event, events_of
 from service.twin.drives.question import DriveQuestion, Driver, Told, driver_of
 from service.twin.drives.stretches import DriveDomain, domain_of
 from service.twin.drives.summary import OUTCOMES, Arrival, DriveOutcome, DriveSummary, Probabilities
-from service.twin.drives.way import Rover, Way, own_times
+from service.twin.drives.way import Rover, TimedRoute, Way, drive_many, own_times
 from service.twin.moment import slip_ratios
 from service.twin.prediction import Frame, NonFiniteError, PredictionBand
 from service.twin.scenario import sample_times
@@ -35,6 +37,7 @@ from service.twin.twin import Twin
 Column = npt.NDArray[Any]
 
 _USUAL_LEVEL = 0.9
+_POINTS_AT_ONCE = 32_768  # of drives that go together: what they need stays at some megabytes
 _LOOK_ON = 1.25  # how much longer than its arrival a drive is looked at for the latest one, at first
 
 
@@ -91,9 +94,40 @@ def drive(twin: Twin, question: DriveQuestion, wanted: Wanted) -> Drive:
     Raises InvalidValueError for a twin that cannot drive, and for a band in the world frame, of a version without one
     or at a level that is not 0.5 to 0.99; NonFiniteError instead of answering with NaN or infinity.
     """
-    driver = require_driver(twin, wanted)
+    (found,) = drives(twin, [question], wanted)
+    if isinstance(found, NonFiniteError):
+        raise found
+    return found
+
+
+def drives(twin: Twin, questions: Sequence[DriveQuestion], wanted: Wanted) -> list[Drive | NonFiniteError]:
+    """`drive` of each question, to the bit and sooner: those whose torques change at the same times go side by side.
+
+    Raises InvalidValueError as `drive` does; the error of one question takes the place of its answer.
+    """
+    driver, found = require_driver(twin, wanted), []
     with span("drive", model=twin.name, version=twin.version):
-        return _Answer(twin, question, wanted, Rover.of(driver, question)).drive()
+        waiting: list[_Answer] = []
+        points = 0
+        for question in questions:
+            waiting.append(_Answer(twin, question, wanted, Rover.of(driver, question)))
+            points += len(waiting[-1].time_s)
+            if points > _POINTS_AT_ONCE:
+                found += _answered(driver.engine, waiting)
+                waiting, points = [], 0
+        return found + _answered(driver.engine, waiting)
+
+
+def _answered(engine: Engine, answers: Sequence[_Answer]) -> list[Drive | NonFiniteError]:
+    """First each drive as it most probably is; then, of all, those with offsets that are needed in any case."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused
+        first = drive_many([each.first() for each in answers], engine.along)
+        for each, motions in zip(answers, first, strict=True):
+            each.begin(motions)
+        doubtful = drive_many([each.doubtful() for each in answers], engine.ways_along)
+        for each, ways_m in zip(answers, doubtful, strict=True):
+            each.know(ways_m)
+        return [each.found() for each in answers]
 
 
 def require_driver(twin: Twin, wanted: Wanted) -> Driver:
@@ -114,48 +148,77 @@ class _Answer:
         self._twin, self._question, self._wanted, self._rover = twin, question, wanted, rover
         self._ahead_m = 0.5 * rover.driver.prior.rover.wheelbase_m
         self._doubt = twin.doubt
+        self._known: dict[tuple[float, int], Array] = {}  # x by offset and by which times
+        own, shown = self._own_s, self._shown_s = own_times(question), wanted.times_until(question.horizon_s)
+        self.time_s = own if shown is own else np.union1d(own, shown)
+        """All times of the drive, (time,)."""
 
-    def drive(self) -> Drive:
-        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused below
-            shown, own, arrived = self._ways()
-            self._own, self._told = own, Told.at(self._question.controls, own.time_s)
-            for way in (own,) if shown is own else (own, shown):
-                if not way.is_finite():
-                    raise self._not_finite()
-            trajectory = self._columns(shown)
-            ground = self._question.ground
-            events, left_out = events_of(own, self._told.driven, self._ahead_m, ground.end_m, arrived is not None)
-            slopes = trajectory["slope_deg"] if shown is own else self._slopes_deg(own)
-            band = self._band(shown) if self._wanted.band else None
-            found = Drive(
-                question=self._question,
-                frame=self._wanted.frame,
-                trajectory=trajectory,
-                along_m=(shown.motion.x_m, shown.motion.y_m),
-                events=tuple(events),
-                events_left_out=left_out,
-                summary=self._summary(shown, arrived),
-                domain=domain_of(self._twin.domain, self._question.mass_kg, own, self._told, slopes),
-                band=band,
-            )
-        self._require_finite(found)
-        return found
+    def first(self) -> list[TimedRoute]:
+        """The drive as it most probably is; none if it ends where it arrives, which nobody knows before."""
+        return [(self._rover.route(), self.time_s)] if self._question.until_distance_m is None else []
 
-    def _ways(self) -> tuple[Way, Way, float | None]:
-        """The way at the times that are shown, that at its own times, and when the rover arrives (None: never)."""
-        question = self._question
-        own = own_times(question)
-        shown = self._wanted.times_until(question.horizon_s)
-        times = own if shown is own else np.union1d(own, shown)
-        if question.until_distance_m is None:
-            way = self._rover.at(times)
-            own_way = way.rows(own)
-            return own_way if shown is own else way.rows(shown), own_way, None
-        way, arrived = self._rover.until(question.until_distance_m, times, own)
-        if arrived is None:
-            return way.rows(shown), way.rows(own), None
-        shown, own = (np.append(each[each < arrived], arrived) for each in (shown, own))
-        return way.rows(shown), way.rows(own), arrived
+    def begin(self, motions: Sequence[Motion]) -> None:
+        """Takes the motion of the first route; without one drives until it arrives."""
+        self._arrived: float | None = None
+        if (distance := self._question.until_distance_m) is None:
+            way = Way(self.time_s, motions[0])
+        else:
+            way, self._arrived = self._rover.until(distance, self.time_s, self._own_s)
+        if (end := self._arrived) is not None:
+            self._shown_s, self._own_s = (np.append(each[each < end], end) for each in (self._shown_s, self._own_s))
+        self._own = way.rows(self._own_s)
+        self._shown = self._own if self._shown_s is self._own_s else way.rows(self._shown_s)
+        self._told = Told.at(self._question.controls, self._own_s)
+        self._finite = self._own.is_finite() and (self._shown is self._own or self._shown.is_finite())
+
+    def doubtful(self) -> list[TimedRoute]:
+        """The drives with offsets that are needed in any case."""
+        self._doubtful: list[TimedRoute] = []
+        if self._doubt is None or not self._finite:
+            return self._doubtful
+        ending, band = self._ending, self._wanted.band
+        middle = ending.at(self._own.motion.x_m[ending.rows])
+        whole = band and self._shown is self._own  # all offsets at the same times: then they go together
+        times = self._own_s if whole else ending.time_s
+        found = [(each, times) for each in self._doubt.drive_reaches(middle, self._scales)]
+        if band:
+            found += [(each, self._shown_s) for each in self._doubt.drive_sides(self._wanted.band_level, self._scales)]
+        self._doubtful = [(self._rover.route(offset), time_s) for offset, time_s in found]
+        return self._doubtful
+
+    def know(self, ways_m: Sequence[Array]) -> None:
+        """Takes the x (time,) of each of these."""
+        for (route, time_s), x_m in zip(self._doubtful, ways_m, strict=True):
+            self._known[route.offset, id(time_s)] = x_m
+            if time_s is self._own_s:
+                self._known[route.offset, id(self._ending.time_s)] = x_m[self._ending.rows]
+
+    def _ways(self, offsets: Sequence[float], time_s: Array) -> Array:
+        """The x (offset, time) with offsets, at times of which none is asked for anew."""
+        found = [self._known.get((each, id(time_s))) for each in offsets]
+        known = [each for each in found if each is not None]
+        return np.array(known) if len(known) == len(found) else self._rover.ways(offsets, time_s)
+
+    def found(self) -> Drive | NonFiniteError:
+        """The answer, or why there is none."""
+        if not self._finite:
+            return self._not_finite()
+        shown, own, ground = self._shown, self._own, self._question.ground
+        trajectory, arrives = self._columns(shown), self._arrived is not None
+        events, left_out = events_of(own, self._told.driven, self._ahead_m, ground.end_m, arrives)
+        slopes = trajectory["slope_deg"] if shown is own else self._slopes_deg(own)
+        found = Drive(
+            question=self._question,
+            frame=self._wanted.frame,
+            trajectory=trajectory,
+            along_m=(shown.motion.x_m, shown.motion.y_m),
+            events=tuple(events),
+            events_left_out=left_out,
+            summary=self._summary(shown, self._arrived),
+            domain=domain_of(self._twin.domain, self._question.mass_kg, own, self._told, slopes),
+            band=self._band(shown) if self._wanted.band else None,
+        )
+        return found if _is_finite(found) else self._not_finite()
 
     def _columns(self, way: Way) -> dict[str, Column]:
         motion, rover, frame = way.motion, self._rover.driver.prior.rover, self._wanted.frame
@@ -191,6 +254,10 @@ class _Answer:
         assert self._doubt is not None
         return self._doubt.drive_scales(self._meeting)
 
+    @cached_property
+    def _ending(self) -> Ending:
+        return Ending.of(self._meeting)
+
     def _summary(self, shown: Way, arrived: float | None) -> DriveSummary:
         own, ground = self._own, self._question.ground
         chances = self._chances()
@@ -216,13 +283,7 @@ class _Answer:
     def _chances(self) -> Probabilities | None:
         if self._doubt is None:
             return None
-        times = self._own.time_s
-        found = self._doubt.drive_probabilities(
-            lambda offset: self._rover.positions(times, offset),
-            self._meeting,
-            self._scales,
-            lambda offset, some: self._rover.x_at(some, offset),
-        )
+        found = self._doubt.drive_probabilities(self._ways, self._meeting, self._scales, self._ending)
         return Probabilities(*(float(found[each]) for each in (Class.CLIMBS, Class.STALLS, Class.SLIDES)))
 
     def _band(self, shown: Way) -> PredictionBand:
@@ -233,7 +294,7 @@ class _Answer:
         """Of the band at times, (time,) each."""
         assert self._doubt is not None
         edges = self._doubt.drive_edges(
-            lambda offset: self._rover.positions(time_s, offset),
+            self._ways,
             self._meeting,
             self._wanted.band_level,
             Positions(x_m[None], y_m[None]),
@@ -266,14 +327,15 @@ class _Answer:
                 return Arrival(arrived, earliest, latest)
             until = min(2.0 * until, horizon)
 
-    def _require_finite(self, found: Drive) -> None:
-        columns: list[Array] = [] if found.band is None else list(found.band.columns().values())
-        scalars = (found.summary.motor_energy_j, found.summary.distance_m, found.summary.mean_speed_m_s)
-        if not (all(np.isfinite(each).all() for each in columns) and all(map(math.isfinite, scalars))):
-            raise self._not_finite()
-
     def _not_finite(self) -> NonFiniteError:
         return NonFiniteError(f"{self._twin.name}@{self._twin.version} has no finite answer for this drive")
+
+
+def _is_finite(found: Drive) -> bool:
+    """Whether band and summary are."""
+    columns: list[Array] = [] if found.band is None else list(found.band.columns().values())
+    scalars = (found.summary.motor_energy_j, found.summary.distance_m, found.summary.mean_speed_m_s)
+    return all(np.isfinite(each).all() for each in columns) and all(map(math.isfinite, scalars))
 
 
 def _likeliest(chances: Probabilities) -> DriveOutcome:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import islice
+from typing import TypeVar
 
 import numpy as np
 
 from service.learning.drive.engine import Motion
-from service.learning.drive.inputs import Controls
+from service.learning.drive.inputs import Controls, Route
 from service.learning.drive.state import State
-from service.physics.scenario import Array, Positions
+from service.physics.scenario import Array
 from service.twin.drives.question import DriveQuestion, Driver
 from service.twin.scenario import sample_times
+
+T = TypeVar("T")
+TimedRoute = tuple[Route, Array]  # and the times (s) at which it is asked for
 
 OWN_STEP_S = 0.05
 """The engine's own cells last so long, or less where torque or brake have just changed."""
@@ -61,21 +66,17 @@ class Rover:
         slope = float(np.radians(question.ground.slopes_at(middle)[0]))
         return cls(driver, question, driver.start(question.mass_kg, slope))
 
-    def at(self, time_s: Array, offset: float = 0.0) -> Way:
-        """At times from 0 to the horizon. `offset` is added to the resistance, as a fraction of the weight."""
-        asked = self.question
-        motion, _ = self.driver.engine.drive(self.start, asked.ground.track, asked.controls, time_s, offset)
-        return Way(time_s, motion)
+    def route(self, offset: float = 0.0) -> Route:
+        """What the engine drives. `offset` is added to the resistance, as a fraction of the weight."""
+        return Route(self.start, self.question.ground.track, self.question.controls, offset)
 
-    def x_at(self, time_s: Array, offset: float) -> Array:
-        """Only where it is along the track, (time,), which takes less time."""
-        asked = self.question
-        return self.driver.engine.positions(self.start, asked.ground.track, asked.controls, time_s, offset)
+    def at(self, time_s: Array) -> Way:
+        """At times from 0 to the horizon."""
+        return Way(time_s, self.driver.engine.along([self.route()], time_s)[0])
 
-    def positions(self, time_s: Array, offset: float) -> Positions:
-        """The same as positions (1, time)."""
-        motion = self.at(time_s, offset).motion
-        return Positions(motion.x_m[None], motion.y_m[None])
+    def ways(self, offsets: Sequence[float], time_s: Array) -> Array:
+        """Only where it is along the track with each of some offsets, (offset, time)."""
+        return self.driver.engine.ways_along([self.route(each) for each in offsets], time_s)
 
     def until(self, distance_m: float, time_s: Array, own_s: Array) -> tuple[Way, float | None]:
         """The way until it first arrives at a distance (m), and when that is (s; None: not before the last time).
@@ -115,6 +116,19 @@ class Rover:
         )
         time = looks[at - 1] + share * (looks[at] - looks[at - 1])
         return self._stretch(state, began_s, np.array([min(max(time, between_s[0]), between_s[1])]))[0]
+
+
+def drive_many(asked: Sequence[list[TimedRoute]], drive: Callable[[list[Route], Array], Iterable[T]]) -> list[list[T]]:
+    """What `drive` says of the routes of each, called once for all with the same times and times of controls."""
+    every = [one for routes in asked for one in routes]
+    groups: dict[tuple[bytes, bytes], list[int]] = {}
+    for at, (route, time_s) in enumerate(every):
+        groups.setdefault((time_s.tobytes(), route.controls.time_s.tobytes()), []).append(at)
+    found: dict[int, T] = {}
+    for rows in groups.values():
+        found.update(zip(rows, drive([every[row][0] for row in rows], every[rows[0]][1]), strict=True))
+    said = (found[at] for at in range(len(every)))
+    return [list(islice(said, len(routes))) for routes in asked]
 
 
 def own_times(question: DriveQuestion) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.errors import CheckpointError, InvalidValueError
-from service.learning.doubt.doubt import Doubt, ends_of
+from service.learning.doubt.doubt import Doubt, OffsetWays, ends_of
 from service.learning.doubt.meeting import Meeting
 from service.learning.doubt.outcomes import LATE_SPEED_M_S, Class, classes
 from service.learning.doubt.stored import describe_doubt, doubt_bytes, read_doubt
 from service.learning.edges import Edges
+from service.learning.observed import ObservedRun
 from service.physics.scenario import Array, Positions, Scenarios
 from tests.learning.doubt.pushed import MODEL, made, made_drive, many, models
 
@@ -35,6 +37,16 @@ def chances_of(scenario: Scenarios, horizon_s: float = 10.0, doubt: Doubt = DOUB
     horizons = np.full(len(scenario), horizon_s)
     seen = MODEL.positions(scenario, doubt.look_s).x_m
     return doubt.probabilities(MODEL, scenario, horizons, ends_of(MODEL, scenario, horizons), seen)
+
+
+def ways_of(run: ObservedRun) -> OffsetWays:
+    """The x of the model's drive with offsets, at some of the run's times."""
+
+    def found(offsets: Sequence[float], time_s: Array) -> Array:
+        rows = np.searchsorted(run.time_s, time_s)
+        return np.stack([MODEL.drive_run(run, each).x_m[0, rows] for each in offsets])
+
+    return found
 
 
 @given(scenarios, levels, levels)
@@ -68,7 +80,7 @@ def test_it_holds_fresh_runs_as_often_as_it_says(level):
         centre = MODEL.drive_run(run)
         if run.varies:
             meeting = Meeting.of_run(run, centre)
-            edges = DOUBT.drive_edges(lambda offset, run=run: MODEL.drive_run(run, offset), meeting, level, centre)
+            edges = DOUBT.drive_edges(ways_of(run), meeting, level, centre)
         else:
             _, edges = edges_of(run.scenario, level, run.time_s)
         inside.append(((edges.x_low_m[0] <= run.x_m) & (run.x_m <= edges.x_high_m[0])).mean())
@@ -182,7 +194,7 @@ def test_a_drive_passes_sticks_or_slides():
     def chances(slope_deg: float) -> Array:
         run = made_drive(slope_deg, 0.0, "one")
         meeting = Meeting.of_run(run, MODEL.drive_run(run))
-        return DOUBT.drive_probabilities(lambda offset: MODEL.drive_run(run, offset), meeting)
+        return DOUBT.drive_probabilities(ways_of(run), meeting)
 
     easy, impossible = chances(5.0), chances(40.0)
     assert easy.argmax() == Class.CLIMBS
@@ -194,7 +206,7 @@ def test_a_drive_that_only_brakes_has_a_band():
     run = made_drive(10.0, 0.0, "parked")
     parked = replace(run, controls=replace(run.controls, brake=np.ones(len(run.time_s), dtype=np.bool_)))
     centre = MODEL.drive_run(parked)
-    edges = DOUBT.drive_edges(lambda o: MODEL.drive_run(parked, o), Meeting.of_run(parked, centre), 0.9, centre)
+    edges = DOUBT.drive_edges(ways_of(parked), Meeting.of_run(parked, centre), 0.9, centre)
 
     assert np.isfinite(edges.x_low_m).all()
     assert (edges.x_low_m <= centre.x_m).all()

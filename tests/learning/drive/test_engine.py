@@ -68,14 +68,6 @@ def test_height_features_make_the_height(law: Law):
     np.testing.assert_allclose(features @ law.heights, motion.y_m, atol=1e-12)
 
 
-@pytest.mark.parametrize("offset", [-0.05, 0.0, 0.05])
-def test_positions_are_those_of_the_drive_to_the_bit(law: Law, offset: float):
-    engine = Engine(law)
-    start = engine.start(430.0, 0.1)
-    motion, _ = engine.drive(start, TRACK, CONTROLS, TIMES, offset)
-    np.testing.assert_array_equal(engine.positions(start, TRACK, CONTROLS, TIMES, offset), motion.x_m)
-
-
 def test_times_in_any_order_have_the_motion_of_sorted_ones(law: Law):
     engine, times = Engine(law), np.linspace(0.0, 12.0, 61)
     orders = np.array([np.random.default_rng(row).permutation(61) for row in range(3)])

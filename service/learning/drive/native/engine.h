@@ -15,7 +15,7 @@
 
 #include <stdint.h>
 
-#define ROVER_INTERFACE 4
+#define ROVER_INTERFACE 5
 #define ROVER_STATE_FORMAT 1
 #define ROVER_RUT_CELLS 64
 #define ROVER_HEIGHTS 37
@@ -125,6 +125,14 @@ typedef struct {
     const double *time_s, *torque_nm, *brake;
 } rover_controls;
 
+/* One drive of many. The state stays as it is. */
+typedef struct {
+    const rover_state *start;
+    const rover_track *track;
+    const rover_controls *controls;
+    double offset;
+} rover_route;
+
 /* One run of a fit. At each `force_every`-th time after the first (none if 0) the state takes the position and speed
  * observed there. */
 typedef struct {
@@ -198,6 +206,12 @@ void rover_present(int64_t count, const rover_state *states, double *outputs);
  * to the resistance. */
 void rover_drive(const rover_law *law, rover_state *state, const rover_track *track, const rover_controls *controls,
                  double offset, int64_t times, const double *time_s, double *outputs);
+
+/* Many drives at the same times, each with the bits of `rover_drive`: (columns, route, times), all ROVER_OUTPUTS of them, or
+ * x alone if `columns` is 1. Those that follow each other go side by side if they begin, have no brake and change their
+ * torques at the same times. */
+void rover_drives(const rover_law *law, int64_t count, const rover_route *routes, int64_t times, const double *time_s,
+                  int64_t columns, double *outputs);
 
 /* Scenarios of constant slope (rad), mass, torque and start speed, (5, scenario), the last row an offset: outputs
  * (5, scenario, time), without slope. `stride` is the distance between the scenarios' rows of times: `times`, or 0 where

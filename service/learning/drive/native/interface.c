@@ -23,7 +23,7 @@ int64_t rover_bytes(const char *name)
     static const struct {
         const char *name;
         int64_t bytes;
-    } known[] = {BYTES(rover_parameters), BYTES(rover_basis),    BYTES(rover_law), BYTES(rover_state),
+    } known[] = {BYTES(rover_parameters), BYTES(rover_basis),    BYTES(rover_law), BYTES(rover_state),  BYTES(rover_route),
                  BYTES(rover_track),      BYTES(rover_controls), BYTES(rover_run),
                  BYTES(rover_release),    BYTES(rover_wholes), BYTES(rover_timetable)};
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)

@@ -4,6 +4,7 @@
 
 #include "drive.h"
 #include "lanes.h"
+#include "track.h"
 
 #ifdef __has_builtin
 #if __has_builtin(__builtin_elementwise_sqrt)
@@ -12,13 +13,14 @@
 #endif
 #pragma GCC diagnostic ignored "-Wpsabi" /* vectors are passed within this file alone */
 
-enum { NARROW_LANES = 4, WIDE_LANES = 8, WIDEST_LANES = 16, FEWEST_STEPS = 3 };
+enum { NARROW_LANES = 4, WIDE_LANES = 8, WIDEST_LANES = 16, FEWEST_STEPS = 3, FEWEST_ROUTES = 3 };
 
 #define TARGET
 #define SUFFIX _lanes
 #define LANES NARROW_LANES
 #include "lanes_text.h"
 #include "steps_text.h"
+#include "routes_text.h"
 #include "end.h"
 
 #if defined(__x86_64__)
@@ -27,6 +29,7 @@ enum { NARROW_LANES = 4, WIDE_LANES = 8, WIDEST_LANES = 16, FEWEST_STEPS = 3 };
 #define LANES WIDE_LANES
 #include "lanes_text.h"
 #include "steps_text.h"
+#include "routes_text.h"
 #include "end.h"
 
 #define TARGET ROVER_AVX512
@@ -34,12 +37,15 @@ enum { NARROW_LANES = 4, WIDE_LANES = 8, WIDEST_LANES = 16, FEWEST_STEPS = 3 };
 #define LANES WIDEST_LANES
 #include "lanes_text.h"
 #include "steps_text.h"
+#include "routes_text.h"
 #include "end.h"
 #else /* whose law asks for no more than 128 bits */
 #define drive_lanes_avx2 drive_lanes
 #define drive_lanes_avx512 drive_lanes
 #define step_lanes_avx2 step_lanes
 #define step_lanes_avx512 step_lanes
+#define follow_lanes_avx2 follow_lanes
+#define follow_lanes_avx512 follow_lanes
 #endif
 
 static int64_t most_lanes(int64_t bits)
@@ -123,4 +129,81 @@ void rover_step_fleet(const rover_law *law, int64_t count, rover_state *states, 
     rover_present(count, states, outputs);
     for (int64_t i = 0; i < count; i++)
         outputs[ROVER_SLOPE * count + i] = inputs[i];
+}
+
+/* Whether a drive may go side by side with others: it begins, and no wheels are ever locked. */
+static int may_join(const rover_route *route)
+{
+    const rover_state *start = route->start;
+    const rover_controls *controls = route->controls;
+    if (start->cell_s != 0.0 || start->within_s != 0.0 || start->event_s != 0.0 || start->height_known != 0.0)
+        return 0;
+    for (int64_t i = 0; i < controls->count; i++)
+        if (controls->brake[i] != 0.0 || isnan(controls->torque_nm[i]))
+            return 0;
+    return 1;
+}
+
+/* Whether two have the same cells of time: their torques change at the same times, each for one that was not there before.
+ * Changes that are at one time go alone. */
+static int in_step(const rover_controls *one, const rover_controls *other)
+{
+    if (one->count != other->count)
+        return 0;
+    for (int64_t i = 1; i < one->count; i++) {
+        int apart = one->time_s[i] - (i > 1 ? one->time_s[i - 1] : 0.0) > 2.0 * same_time_s;
+        int same = one->torque_nm[i] == one->torque_nm[i - 1];
+        if (!apart || one->time_s[i] != other->time_s[i] || same != (other->torque_nm[i] == other->torque_nm[i - 1]))
+            return 0;
+    }
+    return 1;
+}
+
+static void drive_alone(const rover_law *law, const rover_route *route, const rover_lanes *to, int64_t row)
+{
+    rover_motion motion;
+    rover_state state = *route->start;
+    double *columns[5];
+    for (int column = 0; column < 5; column++)
+        columns[column] = to->columns[column] ? to->columns[column] + row * to->times : NULL;
+    rover_columns one = {columns[0], columns[1], columns[2], columns[3], columns[4], NULL, NULL};
+    rover_motion_begin(&motion, law, law->parameters, law->weights, law->heights, route->track);
+    rover_follow(&motion, &state, route->controls, 0.0, route->offset, to->times, to->time_s, NULL, &one);
+}
+
+/* The slope that acts at each of some places of one rover */
+static void write_slopes(const rover_law *law, const rover_track *track, int64_t count, const double *x_m, double *slope_rad)
+{
+    int64_t interval = 0;
+    for (int64_t i = 0; i < count; i++)
+        slope_rad[i] = rover_slope_at(track, &interval, x_m[i] + 0.5 * law->wheelbase_m);
+}
+
+void rover_drives(const rover_law *law, int64_t count, const rover_route *routes, int64_t times, const double *time_s,
+                  int64_t columns, double *outputs)
+{
+    const int64_t bits = law->vector_bits, most = most_lanes(bits), block = count * times;
+    rover_routes_asked asked = {.to = {.law = law, .times = times, .time_s = time_s}};
+    rover_lanes *to = &asked.to;
+    for (int column = 0; column < 5; column++)
+        to->columns[column] = column < columns ? outputs + column * block : NULL;
+    for (int64_t first = 0; first < count; first += to->lanes) {
+        asked.routes = routes + first;
+        to->row[0] = first;
+        int joins = may_join(asked.routes);
+        for (to->lanes = 1; joins && to->lanes < most && first + to->lanes < count; to->lanes++) {
+            const rover_route *next = asked.routes + to->lanes;
+            if (!may_join(next) || !in_step(asked.routes->controls, next->controls))
+                break;
+            to->row[to->lanes] = first + to->lanes;
+        }
+        if (to->lanes >= FEWEST_ROUTES)
+            ROVER_CALL(bits, follow_lanes, (&asked));
+        else
+            drive_alone(law, asked.routes, to, first);
+        if (to->lanes < FEWEST_ROUTES)
+            to->lanes = 1;
+    }
+    for (int64_t i = 0; columns == ROVER_OUTPUTS && i < count; i++)
+        write_slopes(law, routes[i].track, times, outputs + i * times, outputs + ROVER_SLOPE * block + i * times);
 }

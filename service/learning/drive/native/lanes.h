@@ -35,4 +35,10 @@ typedef struct {
     const double *inputs;
 } rover_steps_asked;
 
+/* Some routes of a call of rover_drives, one after the other there, and where what is said of them goes */
+typedef struct {
+    const rover_route *routes;        /* of the first lane */
+    rover_lanes to;
+} rover_routes_asked;
+
 #endif

@@ -119,16 +119,22 @@ TARGET static void NAME(begin_place)(PLACE *place, const rover_law *law)
     place->stall_summed = 0;
 }
 
+/* Gives a lane what its place has. */
+TEXT void NAME(lay_out)(PLACE *place, int lane)
+{
+    const double *from = (const double *)&place->one[lane].ground;
+    double *to = (double *)&place->ground + lane;
+    for (size_t i = 0; i < sizeof place->one->ground / sizeof *from; i++)
+        to[i * LANES] = from[i];
+}
+
 /* Makes what mass, slope and torque of a lane decide. */
 TARGET static void NAME(settle)(PLACE *place, int lane, double mass_kg, double slope_rad, double torque_nm)
 {
     rover_place *of = &place->one[lane];
     rover_place_at(of, mass_kg, slope_rad, torque_nm);
     rover_place_driven(of, place->law->weights);
-    const double *from = (const double *)&of->ground;
-    double *to = (double *)&place->ground + lane;
-    for (size_t i = 0; i < sizeof of->ground / sizeof *from; i++)
-        to[i * LANES] = from[i];
+    NAME(lay_out)(place, lane);
 }
 
 /* The scenarios' places and their states at the start */

@@ -7,6 +7,15 @@
         of(frontier_m) of(front_rim_m_s) of(rear_rim_m_s) of(acceleration_m_s2) of(rate_per_s) of(front_rad_s)      \
         of(rear_rad_s) of(front_by_speed) of(rear_by_speed) of(height_m) of(next_height_m)
 
+TARGET static void NAME(take_lane)(STATE *state, int lane, const rover_state *from)
+{
+#define TAKEN(field) state->field[lane] = from->field;
+    ROVER_EACH(TAKEN)
+#undef TAKEN
+    for (int cell = 0; cell < ROVER_RUT_CELLS; cell++)
+        state->ruts[cell][lane] = from->ruts[cell];
+}
+
 /* Torques and slopes become those of the step. */
 TARGET static void NAME(take)(PLACE *place, STATE *state, const rover_steps_asked *asked)
 {
@@ -19,11 +28,7 @@ TARGET static void NAME(take)(PLACE *place, STATE *state, const rover_steps_aske
         int of = lane < asked->lanes ? lane : 0;
         const rover_state *from = asked->states + of;
         const double *inputs = asked->inputs + of;
-#define TAKEN(field) state->field[lane] = from->field;
-        ROVER_EACH(TAKEN)
-#undef TAKEN
-        for (int cell = 0; cell < ROVER_RUT_CELLS; cell++)
-            state->ruts[cell][lane] = from->ruts[cell];
+        NAME(take_lane)(state, lane, from);
         NAME(settle)(place, lane, from->mass_kg, inputs[0], inputs[asked->count]);
     }
 }
@@ -84,5 +89,3 @@ TARGET static void NAME(step)(const rover_steps_asked *asked)
     }
     NAME(give_back)(&state, asked);
 }
-
-#undef ROVER_EACH

@@ -1,0 +1,25 @@
+/* The slope under a rover on its track. */
+#ifndef ROVER_TRACK_H
+#define ROVER_TRACK_H
+
+#include "engine.h"
+
+/* Slope at a distance. Searching begins at the interval found last, which a rover seldom leaves far behind. */
+static inline double rover_slope_at(const rover_track *track, int64_t *interval, double distance_m)
+{
+    int64_t last = track->count - 1, at = *interval;
+    if (!(distance_m > track->distance_m[0]))
+        return track->slope_rad[0];
+    if (distance_m >= track->distance_m[last])
+        return track->slope_rad[last];
+    while (at < last - 1 && distance_m >= track->distance_m[at + 1])
+        at++;
+    while (at > 0 && distance_m < track->distance_m[at])
+        at--;
+    *interval = at;
+    double width = track->distance_m[at + 1] - track->distance_m[at];
+    double part = width > 0.0 ? (distance_m - track->distance_m[at]) / width : 1.0;
+    return track->slope_rad[at] + part * (track->slope_rad[at + 1] - track->slope_rad[at]);
+}
+
+#endif
