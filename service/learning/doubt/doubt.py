@@ -125,8 +125,8 @@ class Doubt:
 
         known = self.drive_scales(meeting) if scales is None else scales
 
-        def sides(_offsets: Sequence[Array]) -> Iterator[Sequence[Array]]:
-            found = drive(self.drive_sides(level, known), times)[:, None]
+        def sides(offsets: Sequence[Array]) -> Iterator[Sequence[Array]]:
+            found = drive(_both_sides(offsets), times)[:, None]
             return iter(zip(found[::2], found[1::2], strict=True))
 
         edges = self._edges(sides, _A_DRIVE, known, level, centre, times)
@@ -134,8 +134,7 @@ class Doubt:
 
     def drive_sides(self, level: float, scales: Array) -> list[float]:
         """The offsets of a drive that its band at a level is made of."""
-        offsets = (float(self._offsets(most, scales)[0]) for most in self._ladder(_A_DRIVE, level))
-        return [side * each for each in offsets for side in (1.0, -1.0)]
+        return _both_sides([self._offsets(most, scales) for most in self._ladder(_A_DRIVE, level)])
 
     def possible_ways(self, sines: tuple[float, float], start_speed_m_s: float, time_s: Array) -> tuple[Array, Array]:
         """Between which x a drive must be: as `_possible`, where the slope's sine is between two numbers."""
@@ -315,6 +314,8 @@ class Doubt:
         """For x and y, (2, scenario)."""
         if not LOWEST_LEVEL <= level <= HIGHEST_LEVEL:
             raise InvalidValueError("band_level", level, f"{LOWEST_LEVEL:g} to {HIGHEST_LEVEL:g}")
+        if kinds is _A_DRIVE:
+            return np.array([[multipliers.of_drives(table, level)] for table in self.multipliers])
         return np.stack([multipliers.at(table, kinds, level) for table in self.multipliers])
 
 
@@ -325,6 +326,11 @@ def ends_of(
     times = np.stack([(1.0 - LAST_PART) * horizon_s, horizon_s], axis=1)
     x = model.ways_with(scenarios, times, offsets)
     return np.asarray((x[:, 1] - x[:, 0]) / (LAST_PART * horizon_s)), np.asarray(x[:, 1])
+
+
+def _both_sides(offsets: Sequence[Array]) -> list[float]:
+    """Of one drive: each one ahead, then back."""
+    return [side * float(each[0]) for each in offsets for side in (1.0, -1.0)]
 
 
 def _within(edges: Edges, x_m: Array, slowest: Array, fastest: Array) -> Edges:

@@ -8,6 +8,7 @@ the band somewhere is at most 2.2 times that of single times.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -58,11 +59,20 @@ def multipliers(scores: Sequence[Array], kinds: Kinds) -> Array:
 
 def at(table: Array, kinds: Kinds, level: float) -> Array:
     """The multiplier of each scenario, (scenario,), from `multipliers`."""
-    below = min(max(int(np.searchsorted(LEVELS, level)) - 1, 0), len(LEVELS) - 2)
-    share = (level - LEVELS[below]) / (LEVELS[below + 1] - LEVELS[below])
-    by_group = table[:, below] + share * (table[:, below + 1] - table[:, below])
+    by_group = _by_group(table, level)
     uphill = np.interp(_position(kinds.speed_m_s), _NODES, by_group[: len(_NODES)])
     return np.asarray(np.where(kinds.kind == UPHILL, uphill, by_group[np.maximum(kinds.kind, 0)]))
+
+
+def of_drives(table: Array, level: float) -> float:
+    """That of every drive."""
+    return float(_by_group(table[DRIVE:], level)[0])
+
+
+def _by_group(table: Array, level: float) -> Array:
+    below = min(max(bisect_left(LEVELS, level) - 1, 0), len(LEVELS) - 2)
+    share = (level - LEVELS[below]) / (LEVELS[below + 1] - LEVELS[below])
+    return np.asarray(table[:, below] + share * (table[:, below + 1] - table[:, below]))
 
 
 def _position(speed_m_s: Array) -> Array:

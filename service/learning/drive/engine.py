@@ -112,8 +112,8 @@ class Engine:
     def along(self, routes: Sequence[Route], time_s: Array) -> list[Motion]:
         """The motion of `drive` for each of many, to the bit, at the same times.
 
-        Routes that follow each other go side by side if they begin, have no brake and change their torques at the same
-        times. Raises ValueError as `drive` does.
+        Routes that follow each other go side by side if they begin, and change and brake at the same times. Raises
+        ValueError as `drive` does.
         """
         found = self._along(self._address, routes, time_s, OUTPUTS)
         return [Motion(*found[:, row]) for row in range(len(routes))]

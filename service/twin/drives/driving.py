@@ -101,7 +101,7 @@ def drive(twin: Twin, question: DriveQuestion, wanted: Wanted) -> Drive:
 
 
 def drives(twin: Twin, questions: Sequence[DriveQuestion], wanted: Wanted) -> list[Drive | NonFiniteError]:
-    """`drive` of each question, to the bit and sooner: those whose torques change at the same times go side by side.
+    """`drive` of each question, to the bit and sooner: those whose controls change at the same times go side by side.
 
     Raises InvalidValueError as `drive` does; the error of one question takes the place of its answer.
     """

@@ -149,8 +149,16 @@ def own_times(question: DriveQuestion) -> Array:
 
 def crossing_of_way(x_m: Array, speed_m_s: Array, step_s: float, distance_m: float) -> float:
     """The share of a step at which a distance is reached, by position and speed at its ends, (2,) each."""
-    quadratic = _speed_within(x_m, speed_m_s, step_s)
-    return _bisected(lambda share: way_within(quadratic, share) * step_s + float(x_m[0]), distance_m)
+    quadratic, first = _speed_within(x_m, speed_m_s, step_s), float(x_m[0])
+    rises = way_within(quadratic, 1.0) > 0.0
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if (way_within(quadratic, middle) * step_s + first >= distance_m) == rises:
+            high = middle
+        else:
+            low = middle
+    return high
 
 
 def crossing_of_speed(x_m: Array, speed_m_s: Array, step_s: float, level_m_s: float) -> tuple[float, float]:
@@ -183,19 +191,6 @@ def _root(quadratic: tuple[float, float, float], level: float) -> float:
     roots = [gap / far if far else 0.0, *([far / square] if square else [])]
     held = [min(max(each, 0.0), 1.0) for each in roots]
     return min(held, key=lambda share: abs(gap + share * (linear + share * square)))
-
-
-def _bisected(value: Callable[[float], float], level: float) -> float:
-    """Where between 0 and 1 a function that is on different sides of a level there comes to it."""
-    low, high = 0.0, 1.0
-    rises = value(1.0) > value(0.0)
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        if (value(middle) >= level) == rises:
-            high = middle
-        else:
-            low = middle
-    return high
 
 
 def _from(controls: Controls, began_s: float) -> Controls:

@@ -36,10 +36,11 @@ def routes_of(engine: Engine, rng: np.random.Generator, count: int, *, braked: b
     """Of a few kinds of controls, so that some go side by side; torques of some stay where those of others change."""
     found = []
     changes = CHANGES_S[int(rng.integers(len(CHANGES_S)))]
+    locked = rng.random(len(changes)) < (0.4 if braked else 0.0)
     for _ in range(count):
         times = np.array(changes if rng.random() < 0.9 else CHANGES_S[int(rng.integers(len(CHANGES_S)))])
         torques = rng.choice([0.0, 60.0, 110.0], len(times))
-        brake = rng.random(len(times)) < (0.3 if braked else 0.0)
+        brake = locked if len(times) == len(locked) else rng.random(len(times)) < (0.3 if braked else 0.0)
         start = engine.start(float(rng.uniform(300, 900)), float(rng.choice([0.0, -0.1, 0.4])))
         found.append(
             Route(start, track_of(rng), Controls(times, torques, brake), float(rng.choice([0.0, -0.02, 0.03])))

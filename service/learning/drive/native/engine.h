@@ -208,8 +208,8 @@ void rover_drive(const rover_law *law, rover_state *state, const rover_track *tr
                  double offset, int64_t times, const double *time_s, double *outputs);
 
 /* Many drives at the same times, each with the bits of `rover_drive`: (columns, route, times), all ROVER_OUTPUTS of them, or
- * x alone if `columns` is 1. Those that follow each other go side by side if they begin, have no brake and change their
- * torques at the same times. */
+ * x alone if `columns` is 1. Those that follow each other go side by side if they begin, and change and brake at the same
+ * times. */
 void rover_drives(const rover_law *law, int64_t count, const rover_route *routes, int64_t times, const double *time_s,
                   int64_t columns, double *outputs);
 

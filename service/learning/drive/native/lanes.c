@@ -131,29 +131,28 @@ void rover_step_fleet(const rover_law *law, int64_t count, rover_state *states, 
         outputs[ROVER_SLOPE * count + i] = inputs[i];
 }
 
-/* Whether a drive may go side by side with others: it begins, and no wheels are ever locked. */
+/* Whether a drive may go side by side with others: it begins. */
 static int may_join(const rover_route *route)
 {
     const rover_state *start = route->start;
-    const rover_controls *controls = route->controls;
     if (start->cell_s != 0.0 || start->within_s != 0.0 || start->event_s != 0.0 || start->height_known != 0.0)
         return 0;
-    for (int64_t i = 0; i < controls->count; i++)
-        if (controls->brake[i] != 0.0 || isnan(controls->torque_nm[i]))
+    for (int64_t i = 0; i < route->controls->count; i++)
+        if (isnan(route->controls->torque_nm[i]))
             return 0;
     return 1;
 }
 
-/* Whether two have the same cells of time: their torques change at the same times, each for one that was not there before.
+/* Whether two have the same cells of time: they brake and change at the same times, each to what was not there before.
  * Changes that are at one time go alone. */
 static int in_step(const rover_controls *one, const rover_controls *other)
 {
-    if (one->count != other->count)
+    if (one->count != other->count || (one->brake[0] != 0.0) != (other->brake[0] != 0.0))
         return 0;
     for (int64_t i = 1; i < one->count; i++) {
         int apart = one->time_s[i] - (i > 1 ? one->time_s[i - 1] : 0.0) > 2.0 * same_time_s;
-        int same = one->torque_nm[i] == one->torque_nm[i - 1];
-        if (!apart || one->time_s[i] != other->time_s[i] || same != (other->torque_nm[i] == other->torque_nm[i - 1]))
+        if (!apart || one->time_s[i] != other->time_s[i] || (one->brake[i] != 0.0) != (other->brake[i] != 0.0)
+            || rover_told_same(one, i - 1, i) != rover_told_same(other, i - 1, i))
             return 0;
     }
     return 1;

@@ -1,4 +1,4 @@
-/* The law for one rover: the texts, its ruts, and locked wheels. */
+/* The law for one rover: the texts, and its ruts. */
 #include <math.h>
 
 #include "law.h"
@@ -40,29 +40,9 @@ static void rover_leave_ruts(rover_state *state, double before_m, double front_m
 
 #include "end.h"
 
-static double braked_cell(rover_place *place, rover_state *state)
-{
-    const rover_parameters *p = place->parameters;
-    double sliding = rover_tanh(state->speed_m_s * place->per.brake_speed);
-    double rate = place->law->gravity_m_s2 * p->brake_friction * (1.0 - sliding * sliding) * place->per.brake_speed;
-    state->front_rim_m_s = state->rear_rim_m_s = locked_rim_m_s;
-    state->front_rad_s = state->rear_rad_s = state->front_by_speed = state->rear_by_speed = 0.0;
-    return rover_bounded_cell(place, state, 0.0, 0.0, p->brake_friction * sliding, rate);
-}
-
 static rover_rolled roll(const rover_place *place, const rover_state *state, double within_s, double lost)
 {
-    if (state->brake == 0.0)
-        return rover_roll_driven(place, state, within_s, lost);
-    rover_rolled end = {.path_m = state->path_m, .slip_path_m = state->slip_path_m, .dig = state->dig};
-    rover_moved(state, within_s, lost, 1.0 / state->rate_per_s, &end.x_m, &end.speed_m_s);
-    if (fabs(end.speed_m_s) < 0.03) { /* a standstill */
-        end.path_m = end.slip_path_m = 0.0;
-        end.dig *= rover_exp(-within_s / 0.2);
-    }
-    end.x_m = rover_held(end.x_m, -most_m, most_m);
-    end.speed_m_s = rover_held(end.speed_m_s, -most_speed_m_s, most_speed_m_s);
-    return end;
+    return state->brake == 0.0 ? rover_roll_driven(place, state, within_s, lost) : rover_roll_braked(state, within_s, lost);
 }
 
 double rover_law_height(rover_place *place, const rover_state *state)
@@ -78,7 +58,7 @@ void rover_law_cell(rover_place *place, const double *weights, rover_state *stat
     double lost;
     rover_place_at(place, state->mass_kg, state->slope_rad, state->torque_nm);
     if (state->brake != 0.0) {
-        lost = braked_cell(place, state);
+        lost = rover_braked_cell(place, state);
     } else {
         rover_place_driven(place, weights);
         lost = rover_driven_cell(place, weights, state);

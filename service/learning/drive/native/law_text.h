@@ -265,6 +265,33 @@ TEXT NAME(rolled) NAME(roll_driven)(const PLACE *place, const STATE *state, doub
     return end;
 }
 
+/* A new cell of a rover whose wheels are locked. Returns what bounded_cell does. */
+TEXT NUMBER NAME(braked_cell)(const PLACE *place, STATE *state)
+{
+    const rover_parameters *p = place->parameters;
+    NUMBER sliding = NAME(tanh)(state->speed_m_s * place->per.brake_speed);
+    NUMBER rate = place->law->gravity_m_s2 * p->brake_friction * (1.0 - sliding * sliding) * place->per.brake_speed;
+    state->front_rim_m_s = state->rear_rim_m_s = OF(locked_rim_m_s);
+    state->front_rad_s = state->rear_rad_s = state->front_by_speed = state->rear_by_speed = OF(0.0);
+    return NAME(bounded_cell)(place, state, OF(0.0), 0.0, p->brake_friction * sliding, rate);
+}
+
+/* Where such a one is at a time in its cell */
+TEXT NAME(rolled) NAME(roll_braked)(const STATE *state, double within_s, NUMBER lost)
+{
+    NAME(rolled) end = {.path_m = state->path_m, .slip_path_m = state->slip_path_m, .dig = state->dig};
+    NAME(moved)(state, OF(within_s), lost, 1.0 / state->rate_per_s, &end.x_m, &end.speed_m_s);
+    MASK stands = NAME(size)(end.speed_m_s) < 0.03;
+    if (ANY(stands)) {
+        end.path_m = PICK(stands, 0.0, end.path_m);
+        end.slip_path_m = PICK(stands, 0.0, end.slip_path_m);
+        end.dig = PICK(stands, end.dig * NAME(exp)(OF(-within_s / 0.2)), end.dig);
+    }
+    end.x_m = HELD(end.x_m, -most_m, most_m);
+    end.speed_m_s = HELD(end.speed_m_s, -most_speed_m_s, most_speed_m_s);
+    return end;
+}
+
 /* Moves the state to where it is at a time in its cell. `rutting`: the front wheels
  * turn, and leave ruts. */
 TEXT void NAME(end_cell)(const PLACE *place, STATE *state, double within_s, const NAME(rolled) *end, int rutting)

@@ -1,4 +1,4 @@
-/* The slope under a rover on its track. */
+/* The slope under a rover on its track, and what its motors are told. */
 #ifndef ROVER_TRACK_H
 #define ROVER_TRACK_H
 
@@ -20,6 +20,19 @@ static inline double rover_slope_at(const rover_track *track, int64_t *interval,
     double width = track->distance_m[at + 1] - track->distance_m[at];
     double part = width > 0.0 ? (distance_m - track->distance_m[at]) / width : 1.0;
     return track->slope_rad[at] + part * (track->slope_rad[at + 1] - track->slope_rad[at]);
+}
+
+/* The torque (N m) under a control: none where it brakes */
+static inline double rover_told(const rover_controls *controls, int64_t control)
+{
+    return controls->brake[control] != 0.0 ? 0.0 : controls->torque_nm[control];
+}
+
+/* Whether nothing changes from one control to another */
+static inline int rover_told_same(const rover_controls *controls, int64_t before, int64_t control)
+{
+    return rover_told(controls, before) == rover_told(controls, control)
+        && (controls->brake[before] != 0.0) == (controls->brake[control] != 0.0);
 }
 
 #endif
