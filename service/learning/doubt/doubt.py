@@ -45,10 +45,9 @@ LOWEST_LEVEL, HIGHEST_LEVEL = multipliers.LEVELS[0], multipliers.LEVELS[-1]
 _SURE_NATS = 0.01  # what counts of a force balance where the outcome is sure
 _FAST_M_S = 0.1
 _LADDER = (LOWEST_LEVEL, 0.9, HIGHEST_LEVEL)
-_FIRST = np.zeros(1, dtype=np.intp)
 _A_DRIVE = Kinds(np.array([multipliers.DRIVE]), np.zeros(1))
-# The x (offset, time) that a drive has with each of some offsets, at some of its times.
-OffsetWays = Callable[[Sequence[float], Array], Array]
+# The x (time,) that a drive has with each of some offsets, at some of its times.
+OffsetWays = Callable[[Sequence[float], Array], Sequence[Array] | Array]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,9 +97,15 @@ class Doubt:
         """
         scales, kinds = self._scenario_scales(scenarios, seen_m)
 
-        def sides(offsets: Sequence[Array]) -> Iterator[Sequence[Array]]:
-            for each in offsets:
-                yield [model.ways_with(scenarios, time_s, side * each) for side in (1.0, -1.0)]
+        def sides(offsets: Sequence[Array]) -> Iterator[Sequence[Array] | Array]:
+            count = len(scenarios)
+            for some in (
+                [offsets] if count == 1 else [[each] for each in offsets]
+            ):  # of many one step at a time fills memory
+                both = np.concatenate([side * each for each in some for side in (1.0, -1.0)])
+                times = time_s if time_s.ndim == 1 else np.concatenate([time_s] * (2 * len(some)))
+                x = model.ways_with(Scenarios.stack([scenarios] * (2 * len(some))), times, both)
+                yield from x.reshape(len(some), 2, count, -1)
 
         edges = self._edges(sides, kinds, scales, level, centre, time_s)
         return _within(edges, centre.x_m, *self._possible(np.sin(scenarios.slope_angle_rad)[:, None], time_s))
@@ -125,8 +130,8 @@ class Doubt:
 
         known = self.drive_scales(meeting) if scales is None else scales
 
-        def sides(offsets: Sequence[Array]) -> Iterator[Sequence[Array]]:
-            found = drive(_both_sides(offsets), times)[:, None]
+        def sides(offsets: Sequence[Array]) -> Iterator[Sequence[Array] | Array]:
+            found = [x_m[None] for x_m in drive(_both_sides(offsets), times)]
             return iter(zip(found[::2], found[1::2], strict=True))
 
         edges = self._edges(sides, _A_DRIVE, known, level, centre, times)
@@ -146,7 +151,7 @@ class Doubt:
 
     def _edges(
         self,
-        sides: Callable[[Sequence[Array]], Iterator[Sequence[Array]]],
+        sides: Callable[[Sequence[Array]], Iterator[Sequence[Array] | Array]],
         kinds: Kinds,
         scales: Array,
         level: float,
@@ -267,7 +272,12 @@ class Doubt:
         """
         scales = self.drive_scales(meeting) if scales is None else scales
         ending = Ending.of(meeting) if ending is None else ending
-        known: dict[float, tuple[float, float]] = {}
+        middle, reaches = ending.middle, self.drive_reaches(ending, scales)
+        known = dict(zip(reaches, map(ending.at, drive(reaches, ending.time_s)), strict=True))
+        if climbs(*middle) and climbs(*known[reaches[0]]):
+            return self.outcomes.sure(Class.CLIMBS)
+        if falls_back(middle[0]) and falls_back(known[reaches[0]][0]):
+            return self.outcomes.sure(Class.SLIDES)
 
         def ends(offsets: Array, _rows: npt.NDArray[np.intp]) -> tuple[Array, Array]:
             asked = offsets.tolist()
@@ -276,21 +286,14 @@ class Doubt:
             found = np.array([known[each] for each in asked])
             return found[:, 0], found[:, 1]
 
-        middle = ending.at(meeting.x_m[ending.rows])
-        reaches = self.drive_reaches(middle, scales)
-        late, end = ends(np.array(reaches), _FIRST)
-        if climbs(*middle) and climbs(float(late[0]), float(end[0])):
-            return self.outcomes.sure(Class.CLIMBS)
-        if falls_back(middle[0]) and falls_back(float(late[0])):
-            return self.outcomes.sure(Class.SLIDES)
         reach = np.array([abs(reaches[0])])
         found = find_borders(ends, np.array([middle[0]]), np.array([middle[1]]), reach)
         return np.asarray(self.outcomes.probabilities(found, UNIT_OFFSET * scales[0])[0])
 
-    def drive_reaches(self, middle: tuple[float, float], scales: Array) -> list[float]:
-        """The offsets at which a drive's borders are looked for first. `middle` is its `Ending` without an offset."""
-        reach = float(np.minimum(self.outcomes.reach(UNIT_OFFSET * scales[0]), LARGEST_ERROR)[0])
-        late, end = middle
+    def drive_reaches(self, ending: Ending, scales: Array) -> list[float]:
+        """The offsets at which a drive's borders are looked for first."""
+        reach = min(float(self.outcomes.reach(UNIT_OFFSET * scales[0])[0]), LARGEST_ERROR)
+        late, end = ending.middle
         ahead = [-reach] if late < LATE_SPEED_M_S or end < 0.0 else []
         return [reach, *ahead] if late >= -LATE_SPEED_M_S else ahead
 

@@ -6,6 +6,7 @@ It is called by ctypes, which lets other threads run meanwhile. Nothing is loade
 from __future__ import annotations
 
 import ctypes
+import struct
 from functools import cache
 from pathlib import Path
 from typing import ClassVar
@@ -104,6 +105,9 @@ class CompiledRoute(ctypes.Structure):
     """`rover_route`."""
 
     _fields_: ClassVar[_Fields] = [*((n, _POINTER) for n in ("start", "track", "controls")), ("offset", _NUMBER)]
+
+
+ROUTE = struct.Struct("@PPPd")  # the same as bytes, many of which are made sooner
 
 
 class CompiledRun(ctypes.Structure):

@@ -177,10 +177,9 @@ class _Answer:
         if self._doubt is None or not self._finite:
             return self._doubtful
         ending, band = self._ending, self._wanted.band
-        middle = ending.at(self._own.motion.x_m[ending.rows])
         whole = band and self._shown is self._own  # all offsets at the same times: then they go together
         times = self._own_s if whole else ending.time_s
-        found = [(each, times) for each in self._doubt.drive_reaches(middle, self._scales)]
+        found = [(each, times) for each in self._doubt.drive_reaches(ending, self._scales)]
         if band:
             found += [(each, self._shown_s) for each in self._doubt.drive_sides(self._wanted.band_level, self._scales)]
         self._doubtful = [(self._rover.route(offset), time_s) for offset, time_s in found]
@@ -193,11 +192,10 @@ class _Answer:
             if time_s is self._own_s:
                 self._known[route.offset, id(self._ending.time_s)] = x_m[self._ending.rows]
 
-    def _ways(self, offsets: Sequence[float], time_s: Array) -> Array:
-        """The x (offset, time) with offsets, at times of which none is asked for anew."""
-        found = [self._known.get((each, id(time_s))) for each in offsets]
-        known = [each for each in found if each is not None]
-        return np.array(known) if len(known) == len(found) else self._rover.ways(offsets, time_s)
+    def _ways(self, offsets: Sequence[float], time_s: Array) -> Sequence[Array] | Array:
+        """The x (time,) with each of some offsets, at times of which none is asked for anew."""
+        found = [x_m for each in offsets if (x_m := self._known.get((each, id(time_s)))) is not None]
+        return found if len(found) == len(offsets) else self._rover.ways(offsets, time_s)
 
     def found(self) -> Drive | NonFiniteError:
         """The answer, or why there is none."""

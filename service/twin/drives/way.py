@@ -62,9 +62,9 @@ class Rover:
         speed = question.start_speed_m_s
         if speed is not None:
             return cls(driver, question, driver.engine.start(question.mass_kg, speed))
-        middle = np.array([0.5 * driver.prior.rover.wheelbase_m])
-        slope = float(np.radians(question.ground.slopes_at(middle)[0]))
-        return cls(driver, question, driver.start(question.mass_kg, slope))
+        ground = question.ground
+        slope = np.interp(0.5 * driver.prior.rover.wheelbase_m, ground.distance_m, ground.slope_deg)
+        return cls(driver, question, driver.start(question.mass_kg, math.radians(slope)))
 
     def route(self, offset: float = 0.0) -> Route:
         """What the engine drives. `offset` is added to the resistance, as a fraction of the weight."""
@@ -121,6 +121,8 @@ class Rover:
 def drive_many(asked: Sequence[list[TimedRoute]], drive: Callable[[list[Route], Array], Iterable[T]]) -> list[list[T]]:
     """What `drive` says of the routes of each, called once for all with the same times and times of controls."""
     every = [one for routes in asked for one in routes]
+    if len(every) == len(asked) == 1:
+        return [list(drive([every[0][0]], every[0][1]))]
     groups: dict[tuple[bytes, bytes], list[int]] = {}
     for at, (route, time_s) in enumerate(every):
         groups.setdefault((time_s.tobytes(), route.controls.time_s.tobytes()), []).append(at)
