@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from service.learning.drive.inputs import Controls, Route, Track, require_slopes
 from service.learning.drive.law import LaidOutLaw, Law
-from service.learning.drive.library import HEIGHTS, MOST_S, OUTPUTS, ROUTE, address, contiguous, library
+from service.learning.drive.library import HEIGHTS, MOST_S, OUTPUTS, address, contiguous, library
 from service.learning.drive.state import SIZE, State
 from service.learning.drive.threads import in_parts
 from service.learning.drive.timetable import Account, Timetable
@@ -128,7 +128,7 @@ class Engine:
         for each in routes:
             self._require_own(each.start)
             _require(math.isfinite(each.offset), f"offset must be finite, got {each.offset}")
-        compiled = b"".join(map(_packed, routes))
+        compiled = b"".join(map(Route.packed, routes))
         outputs = np.empty((columns, count, len(times)))
         self._library.rover_drives(law, count, compiled, len(times), address(times), columns, address(outputs))
         return outputs
@@ -338,12 +338,6 @@ class Engine:
     def _require_own(self, state: State) -> None:
         if state.law != self._number:
             raise ValueError("the state belongs to another model, or to another version of this one: start anew")
-
-
-def _packed(route: Route) -> bytes:
-    """As the engine has it. An array type of ctypes would take longer to make than a fifth of a drive."""
-    track, controls = addressof(route.track.compiled()), addressof(route.controls.compiled())
-    return ROUTE.pack(address(route.start.numbers), track, controls, route.offset)
 
 
 def _scenarios(columns: Sequence[Array | float]) -> Array:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from ctypes import addressof
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from service.learning.drive.library import CompiledControls, CompiledTrack, address, contiguous
+from service.learning.drive.library import ROUTE, CompiledControls, CompiledTrack, address, contiguous
 from service.learning.drive.state import State
 from service.physics.scenario import Array
 
@@ -135,6 +136,11 @@ class Route:
     track: Track
     controls: Controls
     offset: float = 0.0
+
+    def packed(self) -> bytes:
+        """As the engine has it, as long as this is kept."""
+        track, controls = addressof(self.track.compiled()), addressof(self.controls.compiled())
+        return ROUTE.pack(address(self.start.numbers), track, controls, self.offset)
 
 
 def require_slopes(slope_rad: Array) -> None:
