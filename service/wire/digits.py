@@ -257,7 +257,7 @@ def checksum(array: npt.NDArray[Any], before: int) -> int:
         found: int = library().digits_checksum(address_of(array), array.nbytes, before)
         if found >= 0:
             return found
-    return zlib.crc32(array, before)
+    return zlib.crc32(array.data, before)
 
 
 def contiguous(array: Array) -> Array:

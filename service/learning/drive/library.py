@@ -16,7 +16,7 @@ import numpy.typing as npt
 from service.physics.scenario import Array
 
 PATH = Path(__file__).with_name("native") / "librover.so"
-INTERFACE = 4  # ROVER_INTERFACE of native/engine.h
+INTERFACE = 5  # ROVER_INTERFACE of native/engine.h
 RUT_CELLS = 64  # ROVER_RUT_CELLS
 MOST_S = 1e6  # ROVER_MOST_S
 HEIGHTS = 37  # ROVER_HEIGHTS

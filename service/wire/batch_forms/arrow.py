@@ -55,7 +55,7 @@ def _described(subject: BatchWritable) -> tuple[Mapping[str, Sequence[npt.NDArra
 
 
 def _long(subject: BatchWritable) -> dict[str, Sequence[npt.NDArray[Any]]]:
-    """Time and the columns, row after row, each without what only fills it up; times that all share as often as that."""
+    """Time and the columns, row after row, without what only fills rows up; times that all share, once for each."""
     counts, time, columns = subject.counts(), subject.time_s(), subject.columns()
     most = time.shape[-1]
     if (counts == most).all():

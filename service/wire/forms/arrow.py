@@ -84,5 +84,5 @@ def _head(kinds: tuple[str, ...], rows: int) -> bytes:
 
     empty = [pa.array(np.zeros(rows, dtype=kind)) for kind in kinds]
     sizes = [rows * each.type.bit_width // 8 if each.type != pa.bool_() else -(-rows // 8) for each in empty]
-    whole = pa.RecordBatch.from_arrays(empty, names=list(map(str, range(len(kinds))))).serialize().to_pybytes()
+    whole: bytes = pa.RecordBatch.from_arrays(empty, names=list(map(str, range(len(kinds))))).serialize().to_pybytes()
     return whole[: len(whole) - sum(size + -size % _ALIGNED for size in sizes)]

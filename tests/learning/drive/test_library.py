@@ -90,7 +90,7 @@ def test_a_library_whose_types_have_other_sizes_is_refused(name: str, monkeypatc
         ("", "", None),
         ("double scale[3];", "double scale[4];", "rover_basis of .* 48 bytes, .* 40"),
         ("ROVER_RUT_CELLS 64", "ROVER_RUT_CELLS 32", "rover_state of .* bytes, needed are"),
-        ("ROVER_INTERFACE 4", "ROVER_INTERFACE 5", "interface 5, needed is 4"),
+        ("ROVER_INTERFACE 5", "ROVER_INTERFACE 6", "interface 6, needed is 5"),
         ("rover_sweep", "rover_swap", "another program's .*rover_sweep"),
     ],
 )
