@@ -220,8 +220,9 @@ class Twin:
         """What is shown, x (scenario, look) at the looks, and the summaries."""
         model, look_s = self.model, np.array(self._looks_s)
         if len(look_s) <= MOST_LOOKS and isinstance(model, KnowsWholes):
-            motion, whole = model.whole_motion(physics, asked.time_s, horizons_s, look_s)
-            return motion, whole.seen_m, self._summary_of(physics, horizons_s, motion, whole)
+            moving = asked.speed or asked.wheel_speed
+            found, whole = model.whole_motion(physics, asked.time_s, horizons_s, look_s, moving=moving)
+            return found, whole.seen_m, self._summary_of(physics, horizons_s, found, whole)
         own = own_times(horizons_s, quick=model.quick)
         count, end = asked.time_s.shape[-1], asked.time_s.shape[-1] + own.shape[-1]
         moving = asked.speed or model.knows_wheel_speeds

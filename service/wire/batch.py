@@ -170,16 +170,12 @@ def _checked(sent: list[Any]) -> tuple[list[int], Array, dict[int, Exception]]:
 def _values(sent: list[Any]) -> Array | None:
     """The fields of scenarios, (scenario, 4). None if one of them is not what `BatchScenario` takes."""
     try:
-        rows = [
-            (each["slope_deg"], each["mass_kg"], each["torque_nm"], each["horizon_s"])
-            if len(each) == 4
-            else (each["slope_deg"], each["mass_kg"], each["torque_nm"], HORIZON_S)
-            if len(each) == 3
-            else ()
-            for each in sent
-        ]
-        kinds = {type(value) for row in rows for value in row}
-        values = np.array(rows, dtype=np.float64).reshape(len(sent), 4)
+        if not set(map(len, sent)) <= {3, 4}:
+            return None
+        columns = [[each[name] for each in sent] for name in _OF_SCENARIO[:3]]
+        columns.append([each["horizon_s"] if len(each) == 4 else HORIZON_S for each in sent])
+        kinds = {kind for column in columns for kind in set(map(type, column))}
+        values = np.array(columns, dtype=np.float64).T
     except (LookupError, TypeError, ValueError, OverflowError):
         return None
     fits = kinds <= _NUMBERS and ((values >= _LOWEST) & (values <= _HIGHEST)).all()

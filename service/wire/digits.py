@@ -7,6 +7,7 @@ written with all its digits, as orjson has them.
 from __future__ import annotations
 
 import ctypes
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -21,7 +22,7 @@ from service.physics.scenario import Array
 from service.twin import NonFiniteError
 
 PATH = Path(__file__).with_name("native") / "libdigits.so"
-INTERFACE = 2  # DIGITS_INTERFACE of native/digits.h
+INTERFACE = 3  # DIGITS_INTERFACE of native/digits.h
 MOST_COLUMNS = 32  # DIGITS_MOST_COLUMNS
 MOST_DECIMALS = 15  # DIGITS_MOST_DECIMALS
 WIDEST, _SLACK = 20, 64  # DIGITS_WIDEST, DIGITS_SLACK
@@ -31,6 +32,7 @@ _KEPT_ROOMS, _FIRST_BYTES, _KEPT_BYTES = (
     1 << 16,
     4 << 20,
 )  # memory that is kept for the next text: asking for it takes as long as writing
+_LONG_BYTES = 4096  # zlib has done fewer before ours is called
 _REMEDY = "run `pip install .` (or `pip install --editable .`, or `make run`) again in the checkout: that compiles it"
 
 INTEGER, POINTER = ctypes.c_int64, ctypes.c_void_p
@@ -49,6 +51,7 @@ class Piece(ctypes.Structure):
 
 
 _ARGUMENTS: dict[str, list[type]] = {
+    "digits_checksum": [POINTER, INTEGER, INTEGER],
     "digits_interface": [],
     "digits_lines": [POINTER, POINTER, INTEGER, INTEGER, INTEGER, POINTER],
     "digits_list": [POINTER, INTEGER, INTEGER, POINTER],
@@ -72,12 +75,18 @@ def library() -> ctypes.CDLL:
     return loaded
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Texts:
-    """A column of a table that is text already: `text` has a comma after each of its `count` texts."""
+    """A column of a table that is text already: a comma after each of its `count` texts."""
 
-    text: bytes
-    count: int
+    __slots__ = ("count", "padded")
+
+    def __init__(self, text: bytes, count: int) -> None:
+        self.padded, self.count = text + READ_BEHIND, count
+
+    @property
+    def text(self) -> bytes:
+        """A copy of all of it."""
+        return self.padded[: -len(READ_BEHIND)]
 
     @classmethod
     def of(cls, values: npt.NDArray[Any], *, point: bool = True) -> Texts:
@@ -213,7 +222,7 @@ def table_text(columns: Sequence[Rounded | Texts], pieces: Sequence[bytes], rows
 
 def _most(column: Rounded | Texts) -> int:
     """How many bytes it takes."""
-    return len(column.text) if isinstance(column, Texts) else column.values.size * WIDEST
+    return len(column.padded) if isinstance(column, Texts) else column.values.size * WIDEST
 
 
 def _tell(column: Rounded | Texts, at: _Column, rows: int) -> object:
@@ -221,9 +230,8 @@ def _tell(column: Rounded | Texts, at: _Column, rows: int) -> object:
     if isinstance(column, Texts):
         if column.count != rows:
             raise ValueError(f"a column of {column.count} texts is not one of {rows} rows")
-        text = column.text + READ_BEHIND
-        at.text = ctypes.cast(ctypes.c_char_p(text), POINTER)
-        return text
+        at.text = ctypes.cast(ctypes.c_char_p(column.padded), POINTER)
+        return column
     flat = contiguous(column.values)
     if flat.shape != (rows,) or not 0 <= column.decimals <= MOST_DECIMALS:
         raise ValueError(f"a column of shape {flat.shape} with {column.decimals} decimals is not one of {rows} rows")
@@ -241,6 +249,15 @@ def in_full(values: npt.NDArray[Any]) -> bytes:
     if not np.isfinite(values).all():
         raise NonFiniteError("a number is not finite: the answer was not sent")
     return orjson.dumps(values, option=orjson.OPT_SERIALIZE_NUMPY)
+
+
+def checksum(array: npt.NDArray[Any], before: int) -> int:
+    """`zlib.crc32` of a contiguous array's bytes behind others, of which it is `before`."""
+    if array.nbytes >= _LONG_BYTES:
+        found: int = library().digits_checksum(address_of(array), array.nbytes, before)
+        if found >= 0:
+            return found
+    return zlib.crc32(array.data, before)
 
 
 def contiguous(array: Array) -> Array:

@@ -6,6 +6,7 @@ import io
 import json
 import locale
 import zipfile
+import zlib
 
 import numpy as np
 import pyarrow as pa
@@ -15,8 +16,18 @@ from hypothesis import strategies as st
 
 from service.twin import NonFiniteError
 from service.twin.kept import kept
-from service.wire.digits import MOST_COLUMNS, Rounded, Texts, list_text, lists_text, table_text
-from service.wire.forms.arrow import stream_of
+from service.wire.digits import (
+    MOST_COLUMNS,
+    Rounded,
+    Texts,
+    address_of,
+    checksum,
+    library,
+    list_text,
+    lists_text,
+    table_text,
+)
+from service.wire.forms.arrow import stream_of, stream_of_columns
 from service.wire.forms.npz import archive_of
 from service.wire.lines import Cells, Lines, Lists
 from tests.digits import HALF
@@ -207,6 +218,50 @@ def test_an_arrow_stream_is_what_pyarrow_writes(rows):
         stream.write_batch(batch)
 
     assert stream_of(batch) == sink.getvalue()
+
+
+@pytest.mark.parametrize("rows", [0, 1, 7, 201, 60_000])
+def test_an_arrow_stream_of_columns_is_that_of_their_batch(rows):
+    random = np.random.default_rng(rows)
+    once = random.normal(size=rows)
+    columns = {
+        "scenario": [np.arange(rows, dtype=np.int32), np.arange(rows, dtype=np.int32)],
+        "time_s": [once] * 2,
+        "brake": [random.random(2 * rows) < 0.5],
+        "x_m": [np.asfortranarray(random.normal(size=(2 * rows, 2)))[:, 0]],
+        "z_m": [np.repeat(once, 4)[::2]],
+    }
+    arrays = {name: pa.array(np.concatenate(pieces)) for name, pieces in columns.items()}
+    batch = pa.record_batch(arrays).replace_schema_metadata({"frame": "slope", "about": "{}"})
+
+    assert stream_of_columns(columns, batch.schema) == stream_of(batch)
+
+
+@given(st.integers(0, 1 << 16), st.integers(0, 2**32 - 1), st.integers(0, 15))
+def test_a_checksum_is_that_of_zlib(size, before, begin):
+    content = np.random.default_rng(size).integers(0, 256, begin + size, dtype=np.uint8)[begin:]
+    there = library().digits_checksum(address_of(content), size, before)
+
+    assert checksum(content, before) == zlib.crc32(content, before)
+    assert there in (-1, zlib.crc32(content, before))
+
+
+def test_numbers_between_commas_are_a_table_like_any_other():
+    rows = 150
+    numbers = np.random.default_rng(5).normal(size=(5, rows)) * 40
+    numbers[:, ::7] = np.rint(numbers[:, ::7])
+    numbers[2, 140] = 123456.789
+    times = Texts.of(np.arange(rows) * 0.05)
+    for count in range(1, 6):
+        lists = [json.loads(list_text(each, 7).decode(), parse_float=str) for each in numbers[:count]]
+        wanted = [",".join(line) for line in zip(times.text.decode().split(",")[:-1], *lists, strict=True)]
+        columns = [times, *(Rounded(each, 7) for each in numbers[:count])]
+
+        assert table_text(columns, [b"", *[b","] * count, b"\n"], rows).decode() == "\n".join([*wanted, ""])
+        numbers[0, 149] = np.inf
+        with pytest.raises(NonFiniteError):
+            table_text(columns, [b"", *[b","] * count, b"\n"], rows)
+        numbers[0, 149] = 1.0
 
 
 def test_what_is_kept_is_of_arrays_that_cannot_change():

@@ -151,6 +151,20 @@ class Engine:
         found = self._constant(self._address, columns, contiguous(time_s), 5)
         return found[0], found[1], found[2], found[3], found[4]
 
+    def places(
+        self,
+        slope_rad: Array,
+        mass_kg: Array,
+        torque_nm: Array,
+        start_speed_m_s: Array | float,
+        time_s: Array,
+        offset: Array | float = 0.0,
+    ) -> tuple[Array, Array]:
+        """The x and y (scenario, time) of `constant` alone, to the bit: sooner, as nothing is said of speeds."""
+        columns = slope_rad, mass_kg, torque_nm, start_speed_m_s, offset
+        found = self._constant(self._address, columns, contiguous(time_s), 2)
+        return found[0], found[-1]
+
     def ways(
         self,
         slope_rad: Array,
@@ -173,15 +187,18 @@ class Engine:
         time_s: Array,
         horizon_s: Array,
         look_s: Array,
+        *,
+        moving: bool = True,
     ) -> tuple[tuple[Array, ...], Whole]:
         """The columns of `constant` at times that do not fall, and what each way comes to until its horizon.
 
-        `horizon_s` is (scenario,), `look_s` up to two times at which the ways are looked at besides. Raises ValueError
-        as `constant` does.
+        Of those that are not `moving` x and y alone, sooner. `horizon_s` is (scenario,), `look_s` up to two
+        times at which the ways are looked at besides. Raises ValueError as `constant` does.
         """
         columns = slope_rad, mass_kg, torque_nm, start_speed_m_s, 0.0
-        found, whole = self._whole(self._address, columns, contiguous(time_s), horizon_s, look_s)
-        return (found[0], found[1], found[2], found[3], found[4]), whole
+        wanted = 5 if moving else 2
+        found, whole = self._whole(self._address, columns, contiguous(time_s), horizon_s, look_s, wanted)
+        return tuple(found), whole
 
     def whole_ways(
         self,
@@ -194,10 +211,10 @@ class Engine:
     ) -> Whole:
         """What `whole` says of each way, to the bit, but for heights and lengths of paths, which are 0: sooner."""
         columns = slope_rad, mass_kg, torque_nm, start_speed_m_s, 0.0
-        return self._whole(self._flat.address, columns, np.empty(0), horizon_s, look_s)[1]
+        return self._whole(self._flat.address, columns, np.empty(0), horizon_s, look_s, 1)[1]
 
     def _whole(
-        self, law: int, columns: Sequence[Array | float], time: Array, horizon_s: Array, look_s: Array
+        self, law: int, columns: Sequence[Array | float], time: Array, horizon_s: Array, look_s: Array, wanted: int
     ) -> tuple[Array, Whole]:
         scenarios, horizons = _scenarios(columns), contiguous(horizon_s)
         count = scenarios.shape[1]
@@ -207,10 +224,10 @@ class Engine:
             _require_range(times)
         _require(horizons.shape == (count,), f"horizons {horizons.shape} do not fit {count} scenarios")
         asked = WholesAsked(horizons, look_s)
-        return self._side_by_side(law, scenarios, time, 5, asked), asked.found()
+        return self._side_by_side(law, scenarios, time, wanted, asked), asked.found()
 
     def _constant(self, law: int, columns: Sequence[Array | float], time: Array, wanted: int) -> Array:
-        """Columns (wanted, scenario, time): all five, or x alone; a few scenarios give five in any case."""
+        """Columns (wanted, scenario, time): all five, x and y, or x alone; a few scenarios give five in any case."""
         scenarios = _scenarios(columns)
         count = scenarios.shape[1]
         if time.ndim == 2:
@@ -224,11 +241,9 @@ class Engine:
             outputs = self._one_by_one(law, scenarios, time)
         else:
             outputs = self._side_by_side(law, scenarios, time, wanted)
-        if back is not None and time.ndim == 1:
-            return outputs.take(back, axis=2)
-        if back is not None:
-            return np.take_along_axis(outputs, back[None], axis=2)
-        return outputs
+        if back is None:
+            return outputs
+        return outputs.take(back, axis=2) if time.ndim == 1 else np.take_along_axis(outputs, back[None], axis=2)
 
     def _one_by_one(self, law: int, scenarios: Array, time: Array) -> Array:
         count, times = scenarios.shape[1], time.shape[-1]

@@ -52,8 +52,9 @@ class DriveModel:
 
     def positions_with(self, scenarios: Scenarios, time_s: Array, offset: Array | float) -> Positions:
         """The same where the resistance is larger by `offset`, a fraction of the weight, (scenario,) or one for all."""
-        x, _, _, _, y = self._constant(scenarios, time_s, offset)
-        return Positions(x, y)
+        slopes, masses = scenarios.slope_angle_rad, scenarios.mass_kg
+        starts = self.starts.at(slopes, masses)
+        return Positions(*self.engine.places(slopes, masses, scenarios.torque_nm, starts, time_s, offset))
 
     def ways_with(self, scenarios: Scenarios, time_s: Array, offset: Array | float) -> Array:
         """The x (m) of `positions_with` alone, (scenario, time), to the bit."""
@@ -64,17 +65,24 @@ class DriveModel:
 
     def motion(self, scenarios: Scenarios, time_s: Array) -> Motion:
         """The same with the speed along the slope and how fast the wheels of each axle turn."""
-        x, speed, front, rear, y = self._constant(scenarios, time_s, 0.0)
+        slopes, masses = scenarios.slope_angle_rad, scenarios.mass_kg
+        starts = self.starts.at(slopes, masses)
+        x, speed, front, rear, y = self.engine.constant(slopes, masses, scenarios.torque_nm, starts, time_s)
         return Motion(x, y, speed, rear, front)
 
     def whole_motion(
-        self, scenarios: Scenarios, time_s: Array, horizon_s: Array, look_s: Array
-    ) -> tuple[Motion, Whole]:
-        """`motion` at times that do not fall, and what each way comes to until its horizon (scenario,)."""
-        starts = self.starts.at(scenarios.slope_angle_rad, scenarios.mass_kg)
+        self, scenarios: Scenarios, time_s: Array, horizon_s: Array, look_s: Array, *, moving: bool
+    ) -> tuple[Positions, Whole]:
+        """At times that do not fall, `motion`, or `positions` of those that are not `moving`, and what each way comes
+        to until its horizon (scenario,).
+        """
+        slopes, masses = scenarios.slope_angle_rad, scenarios.mass_kg
+        starts = self.starts.at(slopes, masses)
         columns, whole = self.engine.whole(
-            scenarios.slope_angle_rad, scenarios.mass_kg, scenarios.torque_nm, starts, time_s, horizon_s, look_s
+            slopes, masses, scenarios.torque_nm, starts, time_s, horizon_s, look_s, moving=moving
         )
+        if not moving:
+            return Positions(*columns), whole
         x, speed, front, rear, y = columns
         return Motion(x, y, speed, rear, front), whole
 
@@ -93,16 +101,6 @@ class DriveModel:
         Of numbers that a scenario can have.
         """
         return self.engine.scenario(self.starts.address, table, slope_rad, mass_kg, torque_nm, columns)
-
-    def _constant(self, scenarios: Scenarios, time_s: Array, offset: Array | float) -> tuple[Array, ...]:
-        return self.engine.constant(
-            scenarios.slope_angle_rad,
-            scenarios.mass_kg,
-            scenarios.torque_nm,
-            self.starts.at(scenarios.slope_angle_rad, scenarios.mass_kg),
-            time_s,
-            offset,
-        )
 
     def start(self, mass_kg: float, slope_rad: float, start_speed_m_s: float | None = None) -> State:
         """A rover at the start of a drive; without a speed it is parked and let go, as in the simulations."""

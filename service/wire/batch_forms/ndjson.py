@@ -10,14 +10,14 @@ from service.wire.batch_forms.subject import BatchWritable
 from service.wire.forms.numbers import dump, require_finite, require_finite_tables
 from service.wire.lines import Cells, Lines, Lists
 
-_CHUNK_NUMBERS = 1 << 14
+_CHUNK_NUMBERS = 1 << 16  # each chunk goes to a thread and back
 _OPTIONS = orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_PASSTHROUGH_DATACLASS
 
 
 def batch_lines(subject: BatchWritable) -> Iterator[bytes]:
     """Each line is what the single route answers to it, with its `index` first; or that and its problem.
 
-    Some lines come together, up to some hundred kilobytes.
+    Some lines come together, up to about a megabyte.
     """
     require_finite_tables(subject.tables(), "answer")
     require_finite(subject.extras(), "answer")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from service.twin import NonFiniteError
-from service.wire.digits import table_text
+from service.wire.digits import Writer
 from service.wire.forms.numbers import require_finite_columns, table_column
 from service.wire.forms.subject import Writable
 
@@ -17,7 +17,10 @@ def encode_csv(subject: Writable) -> bytes:
     try:
         texts = [table_column(name, values) for name, values in columns.items()]
         pieces = [b"", *[b","] * (len(texts) - 1), b"\n"]
-        return ",".join(columns).encode() + b"\n" + table_text(texts, pieces, len(columns["time_s"]))
+        writer = Writer()
+        writer.raw(",".join(columns).encode() + b"\n")
+        writer.table(texts, pieces, len(columns["time_s"]))
+        return writer.done()
     except NonFiniteError:
         require_finite_columns(columns, "answer")  # which says where
         raise

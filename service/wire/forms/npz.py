@@ -14,6 +14,7 @@ import numpy.lib.format as npy
 import numpy.typing as npt
 
 from service.twin.kept import kept
+from service.wire.digits import checksum
 from service.wire.forms.numbers import dump_finite, require_finite, require_finite_columns
 from service.wire.forms.subject import Writable
 
@@ -76,7 +77,7 @@ def _header(kind: str, shape: tuple[int, ...]) -> bytes:
 
 def _checksum(values: npt.NDArray[Any]) -> int:
     """Of an array with its header."""
-    return zlib.crc32(_bytes_of(values), zlib.crc32(_header(values.dtype.str, values.shape)))
+    return checksum(values, zlib.crc32(_header(values.dtype.str, values.shape)))
 
 
 _checksum_of_times = kept(_checksum)

@@ -128,12 +128,51 @@ static char *lines(const digits_column *columns, column_state *states, const dig
     return to;
 }
 
+static int is(const digits_piece *piece, char text)
+{
+    return piece->size == 1 && piece->text[0] == text;
+}
+
+/* Whether it is one of a text and numbers with USUAL decimals, with commas between them, each line ended. */
+static int is_plain(const digits_column *columns, const digits_piece *pieces, int64_t count)
+{
+    int plain = count > 1 && columns->text && !pieces->size && is(pieces + count, '\n');
+    for (int64_t k = 1; k < count; k++)
+        plain &= is(pieces + k, ',') && !columns[k].text && columns[k].decimals == USUAL && columns[k].point;
+    return plain;
+}
+
+/* Such a table: without a choice for each number it takes two thirds of the time, and less where the count is known. */
+ALWAYS int64_t plain(const digits_column *columns, int64_t count, int64_t rows, char *to)
+{
+    int64_t numbers[DIGITS_MOST_COLUMNS][BLOCK];
+    const char *text = columns->text;
+    char *at = to;
+    for (int64_t begin = 0; begin < rows; begin += BLOCK) {
+        int64_t size = rows - begin < BLOCK ? rows - begin : BLOCK;
+        for (int64_t k = 1; k < count; k++)
+            if (!whole(columns[k].values + begin, size, USUAL, numbers[k]))
+                return -1;
+        for (int64_t row = 0; row < size; row++) {
+            at = copied(at, &text);
+            for (int64_t k = 1; k < count; k++) {
+                *at++ = ',';
+                at = usual(at, numbers[k][row], 1);
+            }
+            *at++ = '\n';
+        }
+    }
+    return at - to;
+}
+
 int64_t digits_table(const digits_column *columns, const digits_piece *pieces, int64_t count, int64_t rows, char *to)
 {
     column_state states[DIGITS_MOST_COLUMNS];
     char *at = to;
     if (count > DIGITS_MOST_COLUMNS)
         return -1;
+    if (is_plain(columns, pieces, count))
+        return count == 3 ? plain(columns, 3, rows, to) : plain(columns, count, rows, to);
     for (int64_t k = 0; k < count; k++)
         states[k].text = columns[k].text;
     for (int64_t begin = 0; begin < rows; begin += BLOCK) {

@@ -8,7 +8,7 @@ There is no minus before a zero. */
 
 #include <stdint.h>
 
-#define DIGITS_INTERFACE 2 /* whatever changes below changes this */
+#define DIGITS_INTERFACE 3 /* whatever changes below changes this */
 #define DIGITS_MOST_DECIMALS 15
 #define DIGITS_WIDEST 20 /* bytes of a number: 16 digits, or a zero and 15 decimals; sign, point, and a comma */
 #define DIGITS_MOST_COLUMNS 32
@@ -56,5 +56,9 @@ int64_t digits_lists(const double *values, int64_t rows, int64_t width, const in
 
 /* Writes [1.5,2.0]. Returns what `digits_table` does. */
 int64_t digits_list(const double *values, int64_t count, int64_t decimals, char *to);
+
+/* The CRC-32 of ZIP archives (zlib's) of these bytes behind others, of which it is `before`, 0 for none. -1 where the
+processor has no instruction for it. */
+int64_t digits_checksum(const void *from, int64_t size, int64_t before);
 
 #endif

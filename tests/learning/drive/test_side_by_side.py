@@ -74,6 +74,7 @@ def test_each_is_as_it_is_alone(engines: list[Engine], seed: int, count: int, sh
         assert_same_bits(together(engine, columns, times), wanted)
         slope, mass, torque, speed, offset = columns
         assert_same_bits(engine.ways(slope, mass, torque, speed, times, offset), wanted[0])
+        assert_same_bits(np.stack(engine.places(slope, mass, torque, speed, times, offset)), wanted[[0, 4]])
 
 
 def test_the_order_does_not_matter(engines: list[Engine]):
@@ -111,6 +112,9 @@ def test_the_whole_way_is_that_of_its_times(engines: list[Engine], seed: int, co
     for engine in engines:
         columns, whole = engine.whole(slope, mass, torque, speed, times, horizons, looks)
         assert_same_bits(np.stack(columns), together(engine, (slope, mass, torque, speed, np.zeros(count)), times))
+        placed, standing = engine.whole(slope, mass, torque, speed, times, horizons, looks, moving=False)
+        assert_same_bits(np.stack(placed), np.stack([columns[0], columns[4]]))
+        assert_same_bits(standing.path_m, whole.path_m)
         for found, wanted in ((whole.late_x_m, x[:, 300]), (whole.end_x_m, x[:, -1]), (whole.end_y_m, y[:, -1])):
             assert_same_bits(found, wanted)
         assert_same_bits(np.ascontiguousarray(whole.seen_m), seen)

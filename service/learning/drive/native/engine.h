@@ -220,8 +220,8 @@ void rover_constant(const rover_law *law, int64_t count, const double *scenarios
                     int64_t stride, double *outputs);
 
 /* The same side by side, sooner and to the bit, of those scenarios that `order` numbers, `some` of all `count`: alike ones
- * are to stand beside each other there. Outputs are (columns, scenario, time): 5, or x alone if that is 1. `wholes`
- * may be NULL. Threads may share a call's scenarios. */
+ * are to stand beside each other there. Outputs are (columns, scenario, time): 5, x and height if that is 2, x alone
+ * if it is 1. `wholes` may be NULL. Threads may share a call's scenarios. */
 void rover_side_by_side(const rover_law *law, int64_t some, const int64_t *order, int64_t count, const double *scenarios,
                         int64_t times, const double *time_s, int64_t stride, int64_t columns, double *outputs,
                         const rover_wholes *wholes);

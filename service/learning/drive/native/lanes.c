@@ -62,6 +62,10 @@ void rover_side_by_side(const rover_law *law, int64_t some, const int64_t *order
                          .time_s = time_s, .wholes = wholes};
     for (int column = 0; column < 5; column++)
         asked.columns[column] = column < columns ? outputs + column * count * times : NULL;
+    if (columns == 2) {
+        asked.columns[4] = asked.columns[1];
+        asked.columns[1] = NULL;
+    }
     for (int64_t first = 0; first < some; first += most) {
         asked.lanes = (int)(some - first < most ? some - first : most);
         for (int lane = 0; lane < asked.lanes; lane++)

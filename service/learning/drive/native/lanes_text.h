@@ -170,16 +170,18 @@ typedef struct {
     NUMBER values[5][TILE];
 } NAME(tile);
 
-/* Adds what is true at a time within the present cell. */
-TEXT void NAME(add)(NAME(tile) *tile, const STATE *state, NUMBER per_rate_s, NUMBER rise, double within_s)
+/* Adds what is true at a time within the present cell; speeds of a rover that is `moving`. */
+TEXT void NAME(add)(NAME(tile) *tile, int moving, const STATE *state, NUMBER per_rate_s, NUMBER rise, double within_s)
 {
     double held = within_s > state->cell_s - same_time_s ? state->cell_s : within_s > same_time_s ? within_s : 0.0;
     NUMBER within = OF(held), lost = NAME(lost_at)(state->rate_per_s, within), x, speed;
     NAME(moved)(state, within, lost, per_rate_s, &x, &speed);
     tile->values[0][tile->count] = x;
-    tile->values[1][tile->count] = speed;
-    tile->values[2][tile->count] = state->front_rad_s + state->front_by_speed * (speed - state->speed_m_s);
-    tile->values[3][tile->count] = state->rear_rad_s + state->rear_by_speed * (speed - state->speed_m_s);
+    if (moving) {
+        tile->values[1][tile->count] = speed;
+        tile->values[2][tile->count] = state->front_rad_s + state->front_by_speed * (speed - state->speed_m_s);
+        tile->values[3][tile->count] = state->rear_rad_s + state->rear_by_speed * (speed - state->speed_m_s);
+    }
     tile->values[4][tile->count] = state->height_m + rise * held;
     tile->count++;
 }
@@ -214,7 +216,7 @@ TEXT void NAME(write)(const rover_lanes *asked, NAME(tile) *tile, const STATE *s
         const double *time = asked->time_s + asked->row[lane] * asked->stride;
         double limit = (end >= until_s[lane] - same_time_s ? until_s[lane] : end) + same_time_s;
         for (; at[lane] < asked->times && time[at[lane]] <= limit; ) {
-            NAME(add)(tile, state, per_rate_s, rise, time[at[lane]++] - start_s);
+            NAME(add)(tile, asked->columns[1] != NULL, state, per_rate_s, rise, time[at[lane]++] - start_s);
             if (tile->count == TILE)
                 NAME(flush)(asked, tile, at[lane], lane, shared ? asked->lanes : lane + 1);
         }
