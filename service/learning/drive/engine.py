@@ -18,9 +18,16 @@ import numpy.typing as npt
 from service.learning.drive.inputs import Controls, Route, Track, require_slopes
 from service.learning.drive.law import LaidOutLaw, Law
 from service.learning.drive.library import HEIGHTS, MOST_S, OUTPUTS, address, contiguous, library
-from service.learning.drive.state import SIZE, State
+from service.learning.drive.state import SIZE, State, states_array
 from service.learning.drive.threads import in_parts
-from service.learning.drive.timetable import Account, Timetable
+from service.learning.drive.timetable import (
+    Account,
+    Timetable,
+    require_range,
+    rise,
+    rising_times,
+    sorted_times,
+)
 from service.learning.drive.whole import Whole, WholesAsked
 from service.physics.scenario import Array
 
@@ -94,7 +101,7 @@ class Engine:
         """
         self._require_own(start)
         _require(math.isfinite(offset), f"offset must be finite, got {offset}")
-        times = _times(time_s)
+        times = rising_times(time_s)
         numbers, outputs = start.numbers.copy(), np.empty((OUTPUTS, len(times)))
         along, told = track.compiled(), controls.compiled()
         self._library.rover_drive(
@@ -124,7 +131,7 @@ class Engine:
 
     def _along(self, law: int, routes: Sequence[Route], time_s: Array, columns: int) -> Array:
         """Columns (columns, route, time)."""
-        times, count = _times(time_s), len(routes)
+        times, count = rising_times(time_s), len(routes)
         for each in routes:
             self._require_own(each.start)
             _require(math.isfinite(each.offset), f"offset must be finite, got {each.offset}")
@@ -218,10 +225,10 @@ class Engine:
     ) -> tuple[Array, Whole]:
         scenarios, horizons = _scenarios(columns), contiguous(horizon_s)
         count = scenarios.shape[1]
-        _require(_rise(time), "times must not fall")
+        _require(rise(time), "times must not fall")
         _require(time.ndim == 1 or len(time) == count, f"times {time.shape} do not fit {count} scenarios")
         for times in (time, horizons[:, None], look_s):
-            _require_range(times)
+            require_range(times)
         _require(horizons.shape == (count,), f"horizons {horizons.shape} do not fit {count} scenarios")
         asked = WholesAsked(horizons, look_s)
         return self._side_by_side(law, scenarios, time, wanted, asked), asked.found()
@@ -233,10 +240,10 @@ class Engine:
         if time.ndim == 2:
             _require(len(time) == count, f"times {time.shape} do not fit {count} scenarios")
         back = None
-        if not _rise(time):
+        if not rise(time):
             _require(not np.isnan(time).any(), f"times must be 0 to {MOST_S:g} s")  # no order sorts them
-            time, back = _sorted(time)
-        _require_range(time)
+            time, back = sorted_times(time)
+        require_range(time)
         if count < _FEWEST_LANES:
             outputs = self._one_by_one(law, scenarios, time)
         else:
@@ -373,39 +380,6 @@ def _alike(scenarios: Array, ends: Array | None) -> npt.NDArray[np.int64]:
     """
     keys = [scenarios[2] / scenarios[1], np.floor(scenarios[0] * _SLOPES_PER_RAD)]
     return np.lexsort(keys if ends is None else [*keys, ends]).astype(np.int64, copy=False)
-
-
-def states_array(states: Sequence[State] | Array) -> Array:
-    """States as numbers (rover, SIZE)."""
-    if isinstance(states, np.ndarray):
-        _require(states.ndim == 2 and states.shape[1] == SIZE, f"states must be (rover, {SIZE}), got {states.shape}")
-        return contiguous(states)
-    return np.array([state.numbers for state in states]).reshape(-1, SIZE)
-
-
-def _times(time_s: Array) -> Array:
-    times = contiguous(time_s)
-    _require(times.ndim == 1, f"times must be (time,), got {times.shape}")
-    _require(_rise(times), "times must not fall")
-    _require(not len(times) or 0 <= times[0] <= times[-1] <= MOST_S, f"times must be 0 to {MOST_S:g} s")
-    return times
-
-
-def _sorted(times: Array) -> tuple[Array, npt.NDArray[np.intp]]:
-    """Times (..., time) in order, and which of them each one is then."""
-    order = np.argsort(times, axis=-1, kind="stable")
-    back = np.empty_like(order)
-    np.put_along_axis(back, order, np.broadcast_to(np.arange(order.shape[-1]), order.shape), -1)
-    return np.take_along_axis(times, order, -1), back
-
-
-def _rise(times: Array) -> bool:
-    return bool((times[..., 1:] >= times[..., :-1]).all())
-
-
-def _require_range(times: Array) -> None:
-    if times.size:
-        _require(times[..., 0].min() >= 0 and times[..., -1].max() <= MOST_S, f"times must be 0 to {MOST_S:g} s")
 
 
 def _require(holds: bool | np.bool_, otherwise: str) -> None:

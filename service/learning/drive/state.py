@@ -5,11 +5,12 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from service.learning.drive.library import OUTPUTS, CompiledState, address, library
+from service.learning.drive.library import OUTPUTS, CompiledState, address, contiguous, library
 from service.physics.scenario import Array
 
 _FIELDS = [name for name, _ in CompiledState._fields_]
@@ -103,3 +104,12 @@ class State:
         if not np.isfinite(numbers).all():
             raise ValueError("the state has numbers that are not finite")
         return cls(numbers)
+
+
+def states_array(states: Sequence[State] | Array) -> Array:
+    """States as numbers (rover, SIZE). Raises ValueError for an array of another shape."""
+    if isinstance(states, np.ndarray):
+        if states.ndim != 2 or states.shape[1] != SIZE:
+            raise ValueError(f"states must be (rover, {SIZE}), got {states.shape}")
+        return contiguous(states)
+    return np.array([state.numbers for state in states]).reshape(-1, SIZE)

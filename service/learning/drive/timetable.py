@@ -1,4 +1,4 @@
-"""When one scenario is looked at, prepared for the engine."""
+"""When scenarios and drives are looked at: times as the engine reads them."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from ctypes import addressof
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from service.learning.drive.library import MOST_S, CompiledTimetable, address
+from service.learning.drive.library import MOST_S, CompiledTimetable, address, contiguous
 from service.physics.scenario import Array
 
 
@@ -50,3 +51,33 @@ class Timetable:
             self.times, address(self._times), self.shown, first, len(own_s), own, late, len(look_s), looks
         )
         self.address = addressof(self._compiled)
+
+
+def rising_times(time_s: Array) -> Array:
+    """Times (time,) as the engine reads them. Raises ValueError for any that fall or that it does not drive to."""
+    times = contiguous(time_s)
+    if times.ndim != 1:
+        raise ValueError(f"times must be (time,), got {times.shape}")
+    if not rise(times):
+        raise ValueError("times must not fall")
+    require_range(times)
+    return times
+
+
+def sorted_times(times: Array) -> tuple[Array, npt.NDArray[np.intp]]:
+    """Times (..., time) in order, and which of them each one is then."""
+    order = np.argsort(times, axis=-1, kind="stable")
+    back = np.empty_like(order)
+    np.put_along_axis(back, order, np.broadcast_to(np.arange(order.shape[-1]), order.shape), -1)
+    return np.take_along_axis(times, order, -1), back
+
+
+def rise(times: Array) -> bool:
+    """Whether none of the times (..., time) is before the one beside it, or is no number."""
+    return bool((times[..., 1:] >= times[..., :-1]).all())
+
+
+def require_range(times: Array) -> None:
+    """Raises ValueError where rising times (..., time) are negative, beyond MOST_S, or no numbers."""
+    if times.size and not (times[..., 0].min() >= 0 and times[..., -1].max() <= MOST_S):
+        raise ValueError(f"times must be 0 to {MOST_S:g} s")

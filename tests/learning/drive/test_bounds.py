@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.learning.drive.engine import Engine, states_array
+from service.learning.drive.engine import Engine
 from service.learning.drive.inputs import Controls, Track
 from service.learning.drive.law import PARAMETERS, Law
+from service.learning.drive.state import states_array
 from service.physics.parameters import LUNAR_REGOLITH, VIPER
 
 GRAVITY = LUNAR_REGOLITH.gravity_m_s2

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "drive.h"
+#include "track.h"
 
 static const double shortest_cell_s = 1e-4;
 enum { ROVER_PIECE = 512 }; /* times that are written at once */
@@ -20,25 +21,6 @@ void rover_start(const rover_law *law, double mass_kg, double start_speed_m_s, r
         state->ruts[i] = 1.0;
 }
 
-/* Slope at a distance. Searching begins at the interval found last, which a rover seldom leaves far behind. */
-static double slope_at(rover_motion *motion, double distance_m)
-{
-    const rover_track *track = motion->track;
-    int64_t last = track->count - 1, at = motion->interval;
-    if (!(distance_m > track->distance_m[0]))
-        return track->slope_rad[0];
-    if (distance_m >= track->distance_m[last])
-        return track->slope_rad[last];
-    while (at < last - 1 && distance_m >= track->distance_m[at + 1])
-        at++;
-    while (at > 0 && distance_m < track->distance_m[at])
-        at--;
-    motion->interval = at;
-    double width = track->distance_m[at + 1] - track->distance_m[at];
-    double part = width > 0.0 ? (distance_m - track->distance_m[at]) / width : 1.0;
-    return track->slope_rad[at] + part * (track->slope_rad[at + 1] - track->slope_rad[at]);
-}
-
 double rover_cell_length(double event_s, int brake)
 {
     double length = event_s < short_until_s - same_time_s ? short_cell_s : long_cell_s;
@@ -53,8 +35,9 @@ static void need_height(rover_motion *motion, rover_state *state, const rover_in
     state->torque_nm = inputs->brake ? 0.0 : inputs->torque_nm;
     state->brake = inputs->brake ? 1.0 : 0.0;
     state->slope_rad = inputs->slope_rad;
+    double middle = state->x_m + 0.5 * motion->place.law->wheelbase_m;
     if (motion->track)
-        state->slope_rad = slope_at(motion, state->x_m + 0.5 * motion->place.law->wheelbase_m);
+        state->slope_rad = rover_slope_at(motion->track, &motion->interval, middle);
     state->height_m = rover_law_height(&motion->place, state);
     state->height_known = 1.0;
 }
@@ -78,9 +61,10 @@ static int need_cell(rover_motion *motion, rover_state *state, const rover_input
     int same = state->torque_nm == torque && state->brake == brake;
     for (int open = state->cell_s > 0.0;; open = 0) {
         double length = open ? state->cell_s : next_length(motion, state, inputs, same);
+        double middle = state->x_m + state->speed_m_s * length * 0.5 + 0.5 * motion->place.law->wheelbase_m;
         double slope = inputs->slope_rad;
         if (motion->track)
-            slope = slope_at(motion, state->x_m + state->speed_m_s * length * 0.5 + 0.5 * motion->place.law->wheelbase_m);
+            slope = rover_slope_at(motion->track, &motion->interval, middle);
         if (open && same && state->slope_rad == slope && state->offset == inputs->offset)
             return 0;
         if (open) {
@@ -149,7 +133,8 @@ static void write_slopes(rover_motion *motion, double slope_rad, int64_t first, 
 {
     double ahead = 0.5 * motion->place.law->wheelbase_m;
     for (int64_t i = first; to->slope_rad && i < end; i++)
-        to->slope_rad[i] = motion->track ? slope_at(motion, to->x_m[i] + ahead) : slope_rad;
+        to->slope_rad[i] =
+            motion->track ? rover_slope_at(motion->track, &motion->interval, to->x_m[i] + ahead) : slope_rad;
 }
 
 /* A column from number i on, or what takes its place where it is not asked for */
