@@ -102,10 +102,10 @@ class LocalTwin:
             question,
             times,
             asked.frame,
-            asked.wanted_band_level,
-            with_prior=asked.wants_prior,
-            with_speed=asked.wants_speed,
-            with_wheel_speed=asked.wants_wheel_speed,
+            asked.parts.band_level,
+            with_prior=asked.parts.prior,
+            with_speed=asked.parts.speed,
+            with_wheel_speed=asked.parts.wheel_speed,
         )
 
     def drive(

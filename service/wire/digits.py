@@ -201,9 +201,18 @@ _rooms: list[_Room] = []
 
 def list_text(values: Array, decimals: int) -> bytes:
     """`Writer.column` alone."""
-    writer = Writer()
-    writer.column(values, decimals)
-    return writer.done()
+    flat = np.ascontiguousarray(values, dtype=np.float64)
+    try:
+        room = _rooms.pop()
+    except IndexError:
+        room = _Room(_FIRST_BYTES)
+    if (needed := flat.size * WIDEST + _SLACK) > room.bytes:
+        room = _Room(needed)
+    size = library().digits_list(address_of(flat), flat.size, decimals, room.address)
+    text = in_full(flat) if size < 0 else bytes(room.view[:size])
+    if len(_rooms) < _KEPT_ROOMS and room.bytes <= _KEPT_BYTES:
+        _rooms.append(room)
+    return text
 
 
 def lists_text(values: Array, decimals: int, counts: npt.NDArray[np.intp] | None = None) -> bytes:

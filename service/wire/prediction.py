@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import orjson
@@ -44,6 +44,18 @@ class Include(StrEnum):
 
 # Python looks for a member of an enumeration in three places before it finds it, and each question asks for these.
 _PRIOR, _BAND, _SPEED, _WHEEL_SPEED = Include
+
+
+class Parts(NamedTuple):
+    """What was asked for besides positions. `band_level` is None without a band."""
+
+    prior: bool
+    band_level: float | None
+    speed: bool
+    wheel_speed: bool
+
+
+_NO_PARTS = Parts(False, None, False, False)
 
 
 class PredictionInputs(BaseModel):
@@ -159,30 +171,19 @@ class PredictionInputs(BaseModel):
     ] = False
 
     @property
-    def wanted_band_level(self) -> float | None:
-        """The level of the band that was asked for; None without `include=band`."""
-        return self.band_level if _BAND in self.include else None
-
-    @property
-    def wants_prior(self) -> bool:
-        """Whether the prior's positions were asked for."""
-        return _PRIOR in self.include
-
-    @property
-    def wants_speed(self) -> bool:
-        """Whether the speed along the slope was asked for."""
-        return _SPEED in self.include
-
-    @property
-    def wants_wheel_speed(self) -> bool:
-        """Whether the wheels' speeds were asked for."""
-        return _WHEEL_SPEED in self.include
+    def parts(self) -> Parts:
+        """What was asked for besides."""
+        asked = self.include
+        if not asked:
+            return _NO_PARTS
+        return Parts(
+            _PRIOR in asked, self.band_level if _BAND in asked else None, _SPEED in asked, _WHEEL_SPEED in asked
+        )
 
     def question(self) -> bytes:
         """What decides the answer of a given version, in one way only; the same for questions that mean the same."""
         scenario = self.slope_deg, self.mass_kg, self.torque_nm, self.horizon_s, self.dt_s, self.times_s
-        parts = self.wants_prior, self.wanted_band_level, self.wants_speed, self.wants_wheel_speed
-        return orjson.dumps((scenario, self.frame, *parts, self.strict))
+        return orjson.dumps((scenario, self.frame, *self.parts, self.strict))
 
     @property
     def points(self) -> int:
@@ -286,15 +287,16 @@ def predict(asked: PredictionInputs, loaded: Loaded, count: Count = uncounted) -
     """
     twin = loaded.twin
     scenario, times = asked.sampled()
+    parts = asked.parts
     began = time.perf_counter()
     found = twin.predict(
         scenario,
         times,
         asked.frame,
-        asked.wanted_band_level,
-        with_prior=asked.wants_prior,
-        with_speed=asked.wants_speed,
-        with_wheel_speed=asked.wants_wheel_speed,
+        parts.band_level,
+        with_prior=parts.prior,
+        with_speed=parts.speed,
+        with_wheel_speed=parts.wheel_speed,
     )
     count(twin, time.perf_counter() - began, (found.summary.outcome,), int(not found.domain.inside))
     if asked.strict and not found.domain.inside:

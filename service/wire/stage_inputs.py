@@ -107,7 +107,7 @@ class StageInputs(BaseModel):
 
         Their defaults ask for nothing; generated clients send them with every question.
         """
-        if _NAMES.isdisjoint(self.model_fields_set):
+        if _NAMES.isdisjoint(self.__pydantic_fields_set__):  # `model_fields_set` only asks for it
             return
         fields, asked = type(self).model_fields, _NAMES & self.model_fields_set
         changed = sorted(name for name in asked if getattr(self, name) != fields[name].default)
@@ -119,7 +119,7 @@ class StageInputs(BaseModel):
 
     def placement(self) -> Placement:
         """The same for the writer of layers."""
-        if _NAMES.isdisjoint(self.model_fields_set):
+        if _NAMES.isdisjoint(self.__pydantic_fields_set__):
             return PLAIN
         return Placement(
             prim_path=self.prim_path or "",

@@ -129,8 +129,8 @@ def _estimated_bytes(question: BatchQuestion, time_s: Array, wanted: BatchFormat
     """At most so many bytes has an answer whose numbers are all as long as they can be; headers aside."""
     points = time_s.size if time_s.ndim > 1 else time_s.size * len(question.scenarios)
     shared = question.shared
-    columns = 3 + 4 * (Include.BAND in shared.include) + 2 * shared.wants_prior
-    columns += shared.wants_speed + 2 * shared.wants_wheel_speed
+    columns = 3 + 4 * (Include.BAND in shared.include) + 2 * shared.parts.prior
+    columns += shared.parts.speed + 2 * shared.parts.wheel_speed
     return points * columns_bytes(columns, wanted)
 
 
@@ -160,10 +160,10 @@ def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded, count: Cou
             question.scenarios.only(rows),
             times,
             shared.frame,
-            shared.wanted_band_level,
-            with_prior=shared.wants_prior,
-            with_speed=shared.wants_speed,
-            with_wheel_speed=shared.wants_wheel_speed,
+            shared.parts.band_level,
+            with_prior=shared.parts.prior,
+            with_speed=shared.parts.speed,
+            with_wheel_speed=shared.parts.wheel_speed,
         )
         outside = len(found) - int(found.domain.inside.sum())
         count(twin, time.perf_counter() - began, found.summaries.outcome, outside)
@@ -183,8 +183,8 @@ def predicted(question: BatchQuestion, time_s: Array, loaded: Loaded, count: Cou
         batch=batch,
         indices=question.indices[rows],
         failures=problems_of(failures),
-        with_prior=shared.wants_prior,
+        with_prior=shared.parts.prior,
         with_band=Include.BAND in shared.include,
-        with_speed=shared.wants_speed,
-        with_wheel_speed=shared.wants_wheel_speed,
+        with_speed=shared.parts.speed,
+        with_wheel_speed=shared.parts.wheel_speed,
     )

@@ -48,12 +48,17 @@ def is_rounded(name: str, values: npt.NDArray[Any]) -> bool:
 
 
 def column_text(name: str, values: npt.NDArray[Any]) -> orjson.Fragment:
+    """`column_list` for orjson."""
+    return orjson.Fragment(column_list(name, values))
+
+
+def column_list(name: str, values: npt.NDArray[Any]) -> bytes:
     """A column (time,) of an answer as a JSON list. Raises NonFiniteError."""
     if name == "time_s":
-        return orjson.Fragment(_times_list(values))
+        return _times_list(values)
     if _is_decimal(name, values):
-        return orjson.Fragment(list_text(values, DECIMALS))
-    return orjson.Fragment(dump(np.ascontiguousarray(values)))
+        return list_text(values, DECIMALS)
+    return dump(np.ascontiguousarray(values))
 
 
 def columns_text(name: str, values: npt.NDArray[Any], counts: npt.NDArray[np.intp]) -> orjson.Fragment:

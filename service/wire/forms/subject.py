@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,7 +15,7 @@ import orjson
 from service.learning.domain import DomainReason, DomainVerdict
 from service.physics.frames import slope_to_world
 from service.physics.scenario import Array
-from service.twin import Frame, Loaded, Prediction
+from service.twin import Frame, Loaded, Outcome, Prediction
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,14 +82,6 @@ class Writable(Protocol):
         """
         ...
 
-    def groups(self) -> Mapping[str, Mapping[str, npt.NDArray[Any]]]:
-        """The columns as the JSON answer has them: `trajectory`, and what else was asked for."""
-        ...
-
-    def answer(self, texts: ColumnTexts) -> dict[str, Any]:
-        """The JSON answer, for orjson, with the columns of `groups` as texts."""
-        ...
-
     def headers(self) -> dict[str, str]:
         """The response headers that say what a body may not."""
         ...
@@ -112,7 +105,7 @@ _AXIS_LABELS = {
 }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Subject:
     """One prediction to write. Prior and band are written whenever it has them: it has none unless asked for."""
 
@@ -132,41 +125,14 @@ class Subject:
         """The summary. The verdict follows from the question and from the manifest, whose numbers are finite."""
         return {"summary": self.prediction.summary}
 
-    def groups(self) -> Mapping[str, Mapping[str, Array]]:
-        """`trajectory`, and `prior` and `band` where asked for."""
-        groups: dict[str, Mapping[str, Array]] = {"trajectory": self.prediction.trajectory}
-        if self.prediction.prior is not None:
-            groups["prior"] = self.prediction.prior
-        if self.prediction.band is not None:
-            groups["band"] = self.prediction.band.columns()
-        return groups
-
-    def answer(self, texts: ColumnTexts) -> dict[str, Any]:
-        """`service.wire.prediction_answer.PredictionAnswer`."""
-        prediction = self.prediction
-        answer: dict[str, Any] = {
-            "model": model_of(self.loaded),
-            "scenario": prediction.scenario,
-            "frame": prediction.frame,
-            "trajectory": texts["trajectory"],
-        }
-        if prediction.prior is not None:
-            answer["prior"] = {"name": prediction.prior_name, **texts["prior"]}
-        if prediction.band is not None:
-            answer["band"] = {"level": prediction.band.level, **texts["band"]}
-        answer["domain"] = domain_document(prediction.domain)
-        answer["summary"] = prediction.summary
-        return answer
-
     def headers(self) -> dict[str, str]:
         """Model, frame, domain, outcome and the band's level, if there is one."""
-        prediction = self.prediction
+        prediction, twin = self.prediction, self.loaded.twin.manifest
+        known = _headers(
+            twin.name, twin.version, prediction.frame, prediction.domain.inside, prediction.summary.outcome
+        )
         level = {} if prediction.band is None else {"Rover-Twin-Band-Level": f"{prediction.band.level:.12g}"}
-        return {
-            **headers_of(self.loaded, prediction.frame, prediction.domain.inside),
-            "Rover-Twin-Outcome": prediction.summary.outcome.value,
-            **level,
-        }
+        return known | level
 
     def picture(self) -> Picture:
         """x above, y or z below."""
@@ -227,10 +193,20 @@ def model_of(loaded: Loaded) -> dict[str, Any]:
     return {"name": loaded.twin.name, "version": loaded.twin.version, "alias": loaded.alias}
 
 
+@lru_cache(maxsize=256)
+def _headers(name: str, version: int, frame: Frame, inside: bool, outcome: Outcome) -> dict[str, str]:
+    """Nobody changes what is found."""
+    return {**_headers_of(name, version, frame, inside), "Rover-Twin-Outcome": outcome.value}
+
+
 def headers_of(loaded: Loaded, frame: Frame, inside: bool) -> dict[str, str]:
     """Model, frame and domain as response headers."""
+    return _headers_of(loaded.twin.name, loaded.twin.version, frame, inside)
+
+
+def _headers_of(name: str, version: int, frame: Frame, inside: bool) -> dict[str, str]:
     return {
-        "Rover-Twin-Model": f"{loaded.twin.name}@{loaded.twin.version}",
+        "Rover-Twin-Model": f"{name}@{version}",
         "Rover-Twin-Frame": frame.value,
         "Rover-Twin-Domain": "inside" if inside else "outside",
     }
