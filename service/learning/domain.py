@@ -52,9 +52,9 @@ class DomainReason:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(unsafe_hash=True, slots=True)
 class DomainVerdict:
-    """Whether a scenario lies among the training runs, input by input and jointly.
+    """Whether a scenario lies among the training runs, input by input and jointly. Nobody changes one.
 
     `distance` is the scaled distance to the nearest of them; None, and no nearest runs, for a version without them.
     """
@@ -169,12 +169,11 @@ class Domain:
 
     def _reasons(self, values: Sequence[float]) -> tuple[DomainReason, ...]:
         """What is outside by itself; `values` are in the order of FIELDS."""
-        found = [
-            DomainReason(name, value, lowest, highest)
-            for (name, lowest, highest), value in zip(self._spans, values, strict=True)
-            if not lowest <= value <= highest
-        ]
-        return tuple(found)
+        found: tuple[DomainReason, ...] = ()
+        for (name, lowest, highest), value in zip(self._spans, values, strict=True):
+            if not lowest <= value <= highest:
+                found += (DomainReason(name, value, lowest, highest),)
+        return found
 
     def judge_many(self, slope_deg: Array, mass_kg: Array, torque_nm: Array, horizon_s: Array) -> DomainVerdicts:
         """The verdicts on many, whose columns have shape (scenario,)."""

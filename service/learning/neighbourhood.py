@@ -134,7 +134,7 @@ class Neighbourhood:
         wanted, found = min(NEAREST, len(self.runs)), _Found()
         library().rover_nearest(len(self.runs), self._columns_at, *place, wanted, addressof(found))
         told: list[float] = found[: 2 * wanted]
-        return tuple([self._near(int(at), math.sqrt(square)) for at, square in zip(told[::2], told[1::2], strict=True)])
+        return tuple(map(self._near, map(int, told[::2]), map(math.sqrt, told[1::2])))
 
     def nearest_many(self, places: Array, count: int = NEAREST) -> tuple[npt.NDArray[np.intp], Array]:
         """Which runs are nearest to each place (scenario, 3), and their distances: both (scenario, up to `count`).

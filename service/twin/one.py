@@ -25,9 +25,12 @@ from service.twin.summary import LAST_PART, NAMED, Outcome, Summary, late_place,
 _SLOPE = Frame.SLOPE  # to find a member of an enumeration takes as long as an array operation
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Asked:
-    """At which times and for which parts of an answer; as `Twin.predict` takes them."""
+    """At which times and for which parts of an answer; as `Twin.predict` takes them.
+
+    Nobody changes one. It is not frozen: to make a frozen one takes three times as long.
+    """
 
     time_s: Array
     frame: Frame

@@ -54,9 +54,9 @@ class PredictionBand:
         return {name: getattr(self, name) for name in ("x_lower_m", "x_upper_m", "y_lower_m", "y_upper_m")}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Prediction:
-    """One trajectory, domain verdict and summary; on request speeds, the prior alone and a band.
+    """One trajectory, domain verdict and summary; on request speeds, the prior alone and a band. Nobody changes one.
 
     `trajectory` maps time_s, x_m and y_m (world frame: z_m) to arrays of shape (time,), s and m, and on request
     speed_m_s, rear_wheel_speed_rad_s and front_wheel_speed_rad_s, in both frames along the slope. `prior` maps the two

@@ -34,9 +34,9 @@ _CLOSE_S = 0.5
 _MAX_FOLLOWED = 64  # aliases in use; the least recently asked for is no longer followed
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Loaded:
-    """A twin and the alias it was asked for by, if any."""
+    """A twin and the alias it was asked for by, if any. Nobody changes one."""
 
     twin: Twin
     alias: str | None

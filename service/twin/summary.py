@@ -38,9 +38,11 @@ LAST_PART = 0.25
 _SHARES, _SHARES_OF_SLOW_MODELS = (np.arange(parts + 1) / parts for parts in (400, 40))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(unsafe_hash=True, slots=True)
 class Summary:
     """The trajectory in six numbers, slope frame, the same however it is sampled. `distance_m` is the path's length.
+
+    Nobody changes one.
 
     `slip_ratio` is 1 - v/(R_w w) of the mean speed, w the mean of all wheels that the model predicts, or else follows
     from the motors' balance; None where the wheels stand still or the version does not know how its wheels turn.

@@ -54,7 +54,7 @@ class _Core:
     band: PredictionBand | None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class _One:
     """What one prediction is made of; members as those of `Prediction`."""
 
