@@ -23,6 +23,7 @@ from service.api.access import Access
 from service.api.admin import Gate
 from service.api.http import docs
 from service.api.http.application import Application
+from service.api.http.at_once import AnswersAtOnce
 from service.api.http.connections.connection import HEALTH_PATHS
 from service.api.http.errors import ErrorAnswers
 from service.api.http.instruments import Instruments
@@ -79,7 +80,7 @@ _log = structlog.get_logger(__name__)
 
 def create_app(
     settings: Settings, lifecycle: Lifecycle | None = None, instruments: Instruments | None = None
-) -> FastAPI:
+) -> Application:
     """The service as an ASGI app. Opens the store, loads nothing yet: models are loaded when the app starts.
 
     An empty store or a default model that cannot be loaded stops nothing: readiness says so until it heals.
@@ -190,7 +191,9 @@ class _Chosen(NamedTuple):
         return cls(*(getattr(settings, name) for name in cls._fields))
 
 
-def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Chosen, waiting: WaitingBytes) -> FastAPI:
+def _assemble(
+    lifespan: _Lifespan | None, instruments: Instruments, chosen: _Chosen, waiting: WaitingBytes
+) -> Application:
     app = Application(
         title="Rover Twin",
         version=service.__version__,
@@ -210,7 +213,7 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
         **{("POST", each.PATH): max(each.MAX_BODY_BYTES, chosen.max_body_bytes) for each in (drives, steps)},
     }
     answer_to = error_answers()
-    templates = Templates()
+    templates, trusted = Templates(), networks(chosen.trusted_proxies)
     # the last one added is the outermost
     lanes = [lane for resource in (predictions, drives, steps, inference) for lane in lanes_of(resource.router)]
     app.add_middleware(Lanes, lanes=lanes, answer_to=answer_to)
@@ -231,10 +234,12 @@ def _assemble(lifespan: _Lifespan | None, instruments: Instruments, chosen: _Cho
         instruments=instruments,
         answer_to=answer_to,
         template_of=templates.of,
-        trusted=networks(chosen.trusted_proxies),
+        trusted=trusted,
     )
     if tracing.is_on():
         app.add_middleware(RequestSpans)
+    if not (chosen.cors_origins or tracing.is_on()):
+        app.at_once = AnswersAtOnce(lanes, waiting, answer_to, instruments, trusted)
     answer_to.install(app)
     for router in _ROUTERS:
         app.router.routes += router.routes

@@ -13,10 +13,10 @@ from types import FrameType
 
 import structlog
 import uvicorn
-from fastapi import FastAPI
 
 from service import child, tracing
 from service.access.addresses import networks
+from service.api.http.application import Application
 from service.api.http.connections.accepting import Acceptor
 from service.api.http.connections.connection import ConnectionLimits, Connections, GuardedProtocol, allow_files
 from service.api.http.connections.web_sockets import WebSocketProtocol
@@ -166,7 +166,7 @@ def _serve(
         tracing.end()
 
 
-def make_server(app: FastAPI, settings: Settings, lifecycle: Lifecycle, instruments: Instruments) -> Server:
+def make_server(app: Application, settings: Settings, lifecycle: Lifecycle, instruments: Instruments) -> Server:
     """A server that is bounded and quiet. `request_log` reads what proxies say, so uvicorn does not."""
     limits = ConnectionLimits(
         connections=settings.max_connections,
@@ -183,6 +183,7 @@ def make_server(app: FastAPI, settings: Settings, lifecycle: Lifecycle, instrume
         lambda method, status, seconds, peer, headers: write_refusal(
             method, status, seconds, client_of(peer, headers, trusted)
         ),
+        at_once=app.at_once.answer if app.at_once is not None else lambda _: None,
     )
     config = uvicorn.Config(
         app,

@@ -161,13 +161,16 @@ class Instruments:
         return cls(folder)
 
     def begun(self) -> None:
-        """A request came in."""
+        """A request came in that may have to wait."""
         self._open.inc(1)
 
-    def ended(self, method: str, route: str, status: int, seconds: float) -> None:
-        """It was answered; `route` is a template. Status 0: its answer was cut off before it began."""
-        method = method if method in _METHODS else _OTHER
+    def over(self) -> None:
+        """It waits no longer."""
         self._open.inc(-1)
+
+    def ended(self, method: str, route: str, status: int, seconds: float) -> None:
+        """A request was answered; `route` is a template. Status 0: its answer was cut off before it began."""
+        method = method if method in _METHODS else _OTHER
         # found once: prometheus-client takes longer to find a series than to count in it
         place = method, route, status
         series = self._answered.get(place)

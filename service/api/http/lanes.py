@@ -8,8 +8,9 @@ like any other; `Lanes`, the innermost middleware, only finds it first.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from fastapi import APIRouter, Request, Response
 from starlette.routing import compile_path
@@ -18,14 +19,36 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from service.api.http.errors import ErrorAnswers, own_path
 from service.api.http.reading import Answer, Route
 
+AtOnce = Callable[[Request], Response | None]
+"""Answers a request without waiting, or says None: then nothing has happened."""
+_AT_ONCE = "at_once"
+Endpoint = TypeVar("Endpoint", bound=Callable[..., Any])
+
+
+def answered_at_once(function: Callable[..., Response | None]) -> Callable[[Endpoint], Endpoint]:
+    """A decorator of the endpoint of a lane without a body: `function`, of the same arguments, answers without waiting.
+
+    It returns None where it cannot, before anything has happened: then the endpoint is asked.
+    """
+
+    def marked(endpoint: Endpoint) -> Endpoint:
+        setattr(endpoint, _AT_ONCE, function)
+        return endpoint
+
+    return marked
+
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """One method of one address and what answers it; `path` is a template, as a route's."""
+    """One method of one address and what answers it; `path` is a template, as a route's.
+
+    `at_once` may answer without waiting.
+    """
 
     method: str
     path: str
     answer: Answer
+    at_once: AtOnce | None = None
 
 
 class LaneRoute(Route):
@@ -40,6 +63,14 @@ class LaneRoute(Route):
         )
         return response
 
+    def at_once(self, request: Request) -> Response | None:
+        """What the function says by which the endpoint is `answered_at_once`."""
+        self.admit(request)
+        function = getattr(self.endpoint, _AT_ONCE)
+        arguments = self.read_query(request)
+        response: Response | None = function(**arguments, request=request, services=request.scope["state"]["services"])
+        return response
+
     def get_route_handler(self) -> Answer:
         """What FastAPI calls when a request took the long way."""
         self.declare()
@@ -49,7 +80,11 @@ class LaneRoute(Route):
 def lanes_of(router: APIRouter) -> list[Lane]:
     """The lanes to the lane routes of a router."""
     routes = [each for each in router.routes if isinstance(each, LaneRoute)]
-    return [Lane(method, route.path, route.answer) for route in routes for method in sorted(route.methods or ())]
+    return [
+        Lane(method, route.path, route.answer, route.at_once if hasattr(route.endpoint, _AT_ONCE) else None)
+        for route in routes
+        for method in sorted(route.methods or ())
+    ]
 
 
 class Lanes:

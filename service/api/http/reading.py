@@ -35,7 +35,7 @@ Answer = Callable[[Request], Coroutine[Any, Any, Response]]
 
 _MOST_MEMBERS = 1000  # no object here has nearly as many; to find a fault in each of them would take seconds
 _NESTED = (dict, list)
-_READ = "service.read"
+_READ, _READ_QUERY = "service.read", "service.read_query"
 _REQUEST = "__request"
 
 
@@ -68,7 +68,7 @@ def query_pairs(request: Request) -> list[tuple[str, str]]:
     if "%" in query or "+" in query or not query.isascii():
         return parse_qsl(query, keep_blank_values=True)
     # nothing is escaped: to look for that in each part takes ten times as long
-    return [(name, value) for name, _, value in (part.partition("=") for part in query.split("&") if part)]
+    return [(part[0], part[2]) for part in [each.partition("=") for each in query.split("&")] if part[1] or part[0]]
 
 
 def read_query(request: Request, model: type[Model]) -> Model:
@@ -223,18 +223,24 @@ class Route(APIRoute):
 
     async def read(self, request: Request) -> dict[str, Any]:
         """The arguments that come from query and body, by name."""
-        query, body = self._query, self._body
-        arguments: dict[str, Any] = {}
+        query, body = self.read_query(request), self._body
+        if body is None:
+            return query
+        sent = body.default is ... or await request.body()
+        return {**query, body.name: await read_body(request, body.model) if sent else body.default}
+
+    def read_query(self, request: Request) -> dict[str, Any]:
+        """Those that come from the query. Who asks again gets the same ones."""
+        known: dict[str, Any] | None = request.scope.get(_READ_QUERY)
+        if known is not None:
+            return known
+        query, found = self._query, dict[str, Any]()
         if query is not None:
-            arguments[query.name] = read_query(request, query.model)
+            found[query.name] = read_query(request, query.model)
         elif request.scope["query_string"] and not self._takes_any_query:
             read_query(request, NoQuery)
-        if body is not None:
-            if body.default is ... or await request.body():
-                arguments[body.name] = await read_body(request, body.model)
-            else:
-                arguments[body.name] = body.default
-        return arguments
+        request.scope[_READ_QUERY] = found
+        return found
 
     def declare(self) -> None:
         """Find out what the endpoint declares. Raises TypeError for what this module does not read."""

@@ -13,6 +13,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.access.addresses import UNKNOWN, Network, client_address
 from service.api.http.errors import ErrorAnswers, own_path
+from service.api.http.head_lines import lines_of
 from service.api.http.instruments import Instruments
 from service.api.http.sent_headers import first_sent
 from service.api.http.templates import NO_ROUTE
@@ -28,6 +29,7 @@ REQUEST_ID = "X-Request-ID"
 _HEADER = REQUEST_ID.lower().encode()
 # No page of ours is shown inside another one, and no answer is guessed to be of another kind than it says.
 _CAREFUL = ((b"x-content-type-options", b"nosniff"), (b"referrer-policy", b"no-referrer"))
+_CAREFUL_LINES = lines_of(_CAREFUL)
 _ID_BITS = 128
 _SAFE_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 # asked every few seconds, by machines
@@ -70,8 +72,7 @@ class RequestLog:
             return
         began = time.perf_counter()
         self.instruments.begun()
-        name = _id_of(scope)
-        header = (_HEADER, name.encode())
+        name = id_of(scope)
         status = 0
         scope[CLIENT] = client = client_of(scope.get("client"), scope["headers"], self.trusted)
 
@@ -81,7 +82,7 @@ class RequestLog:
                 status = message["status"]
                 if (tell := scope.get(ANSWERED)) is not None:
                     await tell(status)
-                message["headers"] = [*message.get("headers", ()), *_CAREFUL, header]
+                message["headers"] = [*message.get("headers", ()), *own_headers(name)]
             await send(message)
 
         token = request_id.set(name)
@@ -98,13 +99,12 @@ class RequestLog:
             request_id.reset(token)
 
     def _ended(self, scope: Scope, status: int, seconds: float, name: str, client: str) -> None:
-        route = self._route_of(scope)
-        _write(scope["method"], route, status, seconds, name, client)
-        self.instruments.ended(scope["method"], route, status, seconds)
+        self.instruments.over()
+        write_down(self.instruments, scope["method"], self._route_of(scope), status, seconds, name, client)
 
     async def _connection(self, scope: Scope, receive: Receive, send: Send) -> None:
         """The line of a connection is written when it is over; its status is the close code that the server sent."""
-        began, name, status = time.perf_counter(), _id_of(scope), 0
+        began, name, status = time.perf_counter(), id_of(scope), 0
         scope[CLIENT] = client = client_of(scope.get("client"), scope["headers"], self.trusted)
 
         async def noting(message: Message) -> None:
@@ -136,6 +136,24 @@ def client_of(peer: tuple[str, int] | None, headers: Sequence[tuple[bytes, bytes
     return client_address(peer[0] if peer else None, forwarded, trusted)
 
 
+def own_headers(name: str) -> tuple[tuple[bytes, bytes], ...]:
+    """What every answer says, that to the request of this id."""
+    return *_CAREFUL, (_HEADER, name.encode())
+
+
+def own_lines(name: str) -> bytes:
+    """The same as lines of a head."""
+    return b"%bx-request-id: %b\r\n" % (_CAREFUL_LINES, name.encode())
+
+
+def write_down(
+    instruments: Instruments, method: str, route: str, status: int, seconds: float, name: str, client: str
+) -> None:
+    """The line of a request that was answered, and its counts."""
+    _write(method, route, status, seconds, name, client)
+    instruments.ended(method, route, status, seconds)
+
+
 def write_refusal(method: str, status: int, seconds: float, client: str) -> None:
     """The line of a request that was refused before there was one."""
     _write(method, NO_ROUTE, status, seconds, _new_id(), client)
@@ -155,7 +173,8 @@ def _write(method: str, route: str, status: int, seconds: float, name: str, clie
         _log.handle(RequestRecord(level, said))  # by hand: `log` would look for the calling line first
 
 
-def _id_of(scope: Scope) -> str:
+def id_of(scope: Scope) -> str:
+    """The id that a request came with, or a new one."""
     sent = first_sent(scope, _HEADER)
     return sent if sent is not None and _SAFE_ID.fullmatch(sent) else _new_id()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any
 
 from fastapi import Body, Query, Request, Response
@@ -9,7 +10,7 @@ from fastapi import Body, Query, Request, Response
 from service.api.http.answers.compression import IDENTITY
 from service.api.http.answers.delivery import CACHE_HEADERS, NOT_MODIFIED, Delivery
 from service.api.http.answers.negotiation import choose
-from service.api.http.lanes import LaneRoute
+from service.api.http.lanes import LaneRoute, answered_at_once
 from service.api.http.openapi import form_of, problem_responses
 from service.api.http.problems import Slug
 from service.api.http.router import Router
@@ -29,6 +30,7 @@ from service.wire.prediction import (
 from service.wire.prediction_answer import PredictionAnswer
 from service.wire.stage_inputs import StageInputs
 
+_POINTS_AT_ONCE = 1000  # larger answers may wait for clients that read slowly
 _COMPRESSED_AT_ONCE = 250  # points: 10 kB of text take gzip a third of a millisecond
 _MEANINGS = {
     Format.NPZ: "NumPy archive: a float64 array for each column, and `metadata`, JSON text.",
@@ -80,6 +82,20 @@ _RESPONSES: dict[int | str, dict[str, Any]] = {
 }
 
 
+def _predict_at_once(asked: PredictionQuery, request: Request, services: Services) -> Response | None:
+    """What `get_prediction` answers; None where that has to wait: for a model, for a thread, for room to send."""
+    if asked.points > min(_POINTS_AT_ONCE, services.settings.max_points):
+        return None
+    form = choose(MEDIA_TYPES, asked.format, first_sent(request.scope, b"accept"))
+    asked.require_usd(form)
+    loaded = services.registry.resident(asked.model)
+    if loaded is None:
+        return None
+    found = _answer(asked, (form, asked.placement()), loaded, request, services)
+    return found if isinstance(found, Response) else None
+
+
+@answered_at_once(_predict_at_once)
 async def get_prediction(
     asked: Annotated[PredictionQuery, Query()], request: Request, services: TheServices
 ) -> Response:
@@ -103,22 +119,31 @@ async def _predict(
     asked: PredictionInputs, form: Format, stage: StageInputs, request: Request, services: Services
 ) -> Response:
     stage.require_usd(form)
-    placement = stage.placement()
-    points = asked.points
-    if points > services.settings.max_points:
+    if asked.points > services.settings.max_points:
         require_few_points(asked, services.settings.max_points)
     loaded = await services.twin(asked.model)
+    found = _answer(asked, (form, stage.placement()), loaded, request, services)
+    return found if isinstance(found, Response) else await services.predictions.run(found, asker=request)
+
+
+def _answer(
+    asked: PredictionInputs,
+    wanted: tuple[Format, Placement],
+    loaded: Loaded,
+    request: Request,
+    services: Services,
+) -> Response | Callable[[], Response]:
+    """The answer; where it may take long, what makes it, for a worker thread."""
+    form, placement = wanted
     encoder = ENCODERS[form]
     delivery = Delivery.of(request, encoder.media_type, text=encoder.text)
-    if request.method == "GET":
+    if request.scope["method"] == "GET":
         delivery = delivery.cacheable(request, loaded, asked.model, asked.question() + placement.question())
-        if nothing_new := delivery.not_modified():
+        if delivery.known and (nothing_new := delivery.not_modified()):
             return nothing_new
-    if loaded.twin.model.quick and points <= _points_at_once(encoder, delivery):
-        return _computed(asked, (form, placement), loaded, delivery, services)
-    return await services.predictions.run(
-        lambda: _computed(asked, (form, placement), loaded, delivery, services), asker=request
-    )
+    if loaded.twin.model.quick and asked.points <= _points_at_once(encoder, delivery):
+        return _computed(asked, wanted, loaded, delivery, services)
+    return lambda: _computed(asked, wanted, loaded, delivery, services)
 
 
 def _points_at_once(encoder: Encoder, delivery: Delivery) -> int:

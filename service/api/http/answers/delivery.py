@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from fastapi import Request, Response
@@ -22,6 +23,7 @@ _FIXED = "max-age=86400, immutable"
 _MOVING = "no-cache"  # keep it, but ask each time: an alias moves
 
 _TAG_BYTES = 16
+_CONDITIONS = frozenset({b"if-none-match", b"range"})
 
 CACHE_HEADERS: dict[str, Any] = {
     "ETag": {"schema": {"type": "string"}, "description": "Changes with the answer; for `If-None-Match`."},
@@ -68,17 +70,19 @@ class Delivery:
 
         Its ETag is known before the answer is: it is made from these, the form and the release of this service.
         """
-        version = f"{loaded.twin.fingerprint} {loaded.alias}"
         fixed = bool(asked_for) and loaded.alias is None  # the default may be a number today, another one tomorrow
-        return self.tagged(request, version.encode() + question, fixed=fixed)
+        return self.tagged(request, _version(loaded.twin.fingerprint, loaded.alias) + question, fixed=fixed)
 
     def tagged(self, request: Request, content: bytes, *, fixed: bool) -> Delivery:
         """The same for a GET whose answer follows from `content` alone; `fixed` if its address never has another."""
-        known_by = f"{service.__version__}\n{self.media_type}\n{self.coding}\n".encode() + content
-        tag = hashlib.blake2b(known_by, digest_size=_TAG_BYTES).hexdigest()
+        tag = hashlib.blake2b(_form(self.media_type, self.coding) + content, digest_size=_TAG_BYTES).hexdigest()
         cached = {"ETag": f'"{tag}"', "Cache-Control": _FIXED if fixed else _MOVING}
-        known = ",".join(all_sent(request.scope, b"if-none-match"))
-        return Delivery(self.media_type, self.coding, self.vary, cached, known, Range.of(request.scope))
+        known, part = "", NO_RANGE
+        for name, _ in request.scope["headers"]:
+            if name in _CONDITIONS:  # few requests have any
+                known, part = ",".join(all_sent(request.scope, b"if-none-match")), Range.of(request.scope)
+                break
+        return Delivery(self.media_type, self.coding, self.vary, cached, known, part)
 
     def not_modified(self) -> Response | None:
         """The 304 for who has the answer already, else None."""
@@ -105,3 +109,15 @@ class Delivery:
             return Written(body, sent)
         sent["Content-Range"] = content_range(part, len(body))
         return Written(body[part], sent, status=PARTIAL)
+
+
+@lru_cache(maxsize=64)
+def _form(media_type: str, coding: Coding) -> bytes:
+    """What of a tag follows from the form of an answer."""
+    return f"{service.__version__}\n{media_type}\n{coding}\n".encode()
+
+
+@lru_cache(maxsize=256)
+def _version(fingerprint: str, alias: str | None) -> bytes:
+    """What of a tag follows from who answers."""
+    return f"{fingerprint} {alias}".encode()

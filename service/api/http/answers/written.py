@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 from fastapi import Response
 from starlette.types import Receive, Scope, Send
 
+from service.api.http.head_lines import Pair, checked_line, known_lines
+
+_NOT_MODIFIED = 304
 # different with each answer: to remember them is no use
-_OWN = frozenset({"ETag", "Content-Range", "Inference-Header-Content-Length"})
+_OWN = ("ETag", "Content-Range", "Inference-Header-Content-Length")
 
 
 class Written(Response):
@@ -19,12 +22,26 @@ class Written(Response):
         self.status_code = status
         self.background = None
         self.body = body
-        self.raw_headers = [
+        self._named = headers
+
+    @cached_property
+    def raw_headers(self) -> list[Pair]:  # type: ignore[override]
+        """As ASGI wants them."""
+        pairs = [
             (name.lower().encode(), value.encode("latin-1")) if name in _OWN else _pair(name, value)
-            for name, value in headers.items()
+            for name, value in self._named.items()
         ]
-        if status != 304:
-            self.raw_headers.append((b"content-length", b"%d" % len(body)))
+        return pairs if self.status_code == _NOT_MODIFIED else [*pairs, (b"content-length", b"%d" % len(self.body))]
+
+    def lines(self) -> bytes:
+        """As lines of a head."""
+        known, own = dict(self._named), b""
+        for name in _OWN:
+            if (value := known.pop(name, None)) is not None:
+                own += checked_line(name.encode(), value.encode("latin-1"))
+        if self.status_code != _NOT_MODIFIED:
+            own += b"content-length: %d\r\n" % len(self.body)
+        return known_lines(tuple(known.items())) + own
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:  # noqa: ARG002 - as ASGI wants
         """ASGI."""

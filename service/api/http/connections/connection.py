@@ -68,6 +68,7 @@ class Connections:
     """All connections of one process. `answer` makes the answer to an error, `refused` counts it by its reason.
 
     `logged` writes the line of a refused request: its method, status and seconds, where it came from, its headers.
+    `at_once` may answer a request without an app: status, lines of the head and body, or None.
     """
 
     def __init__(
@@ -76,9 +77,10 @@ class Connections:
         answer: Callable[[Exception, str], Response],
         refused: Callable[[str], None] = lambda _reason: None,
         logged: Callable[[str, int, float, tuple[str, int] | None, Headers], None] = lambda *_: None,
+        at_once: Callable[[Any], tuple[int, bytes, bytes] | None] = lambda _: None,
     ) -> None:
         self.limits = limits
-        self.logged = logged
+        self.logged, self.at_once = logged, at_once
         self.answer = answer
         self.refused = refused
         self.ending = self.closing = False
@@ -136,6 +138,7 @@ class GuardedProtocol(HttpToolsProtocol):
 
     def __init__(self, connections: Connections, *arguments: Any) -> None:  # noqa: ANN401 - uvicorn's own
         super().__init__(*arguments)
+        self.access_log = False  # request_log.py writes it
         self._all = connections
         self._limits = connections.limits
         self._in_head = True
@@ -146,6 +149,7 @@ class GuardedProtocol(HttpToolsProtocol):
         self._admitted = True
         self.waiting_since = self._fed_at = self._read_at = time.monotonic()
         self._unread_bytes = 0
+        self._has_begun = False  # one of the requests that came together
 
     @property
     def is_idle(self) -> bool:
@@ -174,7 +178,7 @@ class GuardedProtocol(HttpToolsProtocol):
             if self._head_bytes > _LINGER_BYTES:
                 self.transport.abort()
             return
-        self._fed_at = time.monotonic()
+        self._fed_at, self._has_begun = time.monotonic(), False
         if self._in_head:
             if not self._head_bytes:
                 self.waiting_since = self._fed_at
@@ -221,14 +225,20 @@ class GuardedProtocol(HttpToolsProtocol):
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: ASGI3Application) -> None:
         """What uvicorn calls to begin a request."""
         cycle.__class__ = Cycle  # uvicorn makes its own, wherever it does; ours writes in one go
-        few = len(self._all.open) <= EACH_ROUND and not self._all.turns
+        few = len(self._all.open) <= EACH_ROUND and not (self._has_begun or self._all.turns)
+        self._has_begun = True
         if few or cycle.scope["path"].removeprefix(self.root_path) in HEALTH_PATHS:
-            super()._start_asgi_task(cycle, app)
+            self._begin(cycle, app)
         else:
             self._all.turns.take(partial(self._begin, cycle, app))
 
     def _begin(self, cycle: RequestResponseCycle, app: ASGI3Application) -> None:
-        if not cycle.disconnected:  # while it waited for its turn
+        if cycle.disconnected:  # while it waited for its turn
+            return
+        assert isinstance(cycle, Cycle)
+        if cycle.is_ready and not self._all.ending and (found := self._all.at_once(cycle.scope)) is not None:
+            cycle.answer(*found)
+        else:
             super()._start_asgi_task(cycle, app)
 
     def on_message_complete(self) -> None:

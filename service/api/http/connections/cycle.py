@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 from uvicorn._types import ASGISendEvent
-from uvicorn.protocols.http.httptools_impl import HEADER_RE, HEADER_VALUE_RE, STATUS_LINE, RequestResponseCycle
+from uvicorn.protocols.http.httptools_impl import STATUS_LINE, RequestResponseCycle
+
+from service.api.http.head_lines import checked_line, known_line
 
 _LENGTH = b"content-length"
 _OF_ONE_ANSWER = frozenset(
@@ -37,6 +38,18 @@ class Cycle(RequestResponseCycle):
         self._head = b""
         await super().send(message)
 
+    @property
+    def is_ready(self) -> bool:
+        """Whether a whole answer may be written now, and the connection stays."""
+        held = self.disconnected or self.flow.write_paused or self.transport.is_closing()
+        return self.keep_alive and not held
+
+    def answer(self, status: int, lines: bytes, body: bytes) -> None:
+        """Writes a whole answer, of a cycle that `is_ready`. The lines of its head say how long it is."""
+        self.response_started, self.waiting_for_100_continue = True, False
+        said = b"".join([known_line(*each) for each in self.default_headers])
+        self._write(b"%b%b%b\r\n" % (STATUS_LINE[status], said, lines), body)
+
     def _begin(self, message: Any) -> bool:  # noqa: ANN401 - uvicorn's own, of many kinds
         """Puts the head together if it is such an answer's."""
         if message["type"] != "http.response.start" or not self.keep_alive or self.access_log:
@@ -47,11 +60,11 @@ class Cycle(RequestResponseCycle):
             if name in _OF_THE_CONNECTION:
                 return False
             if name in _OF_ONE_ANSWER:
-                lines.append(_checked(name, value))
+                lines.append(checked_line(name, value))
                 if name == _LENGTH:
                     length = int(value)
             else:
-                lines.append(_line(name, value))
+                lines.append(known_line(name, value))
         if length is None:
             return False
         self.response_started, self.waiting_for_100_continue = True, False
@@ -66,6 +79,11 @@ class Cycle(RequestResponseCycle):
         whole = head and len(body) == self.expected_content_length and not message.get("more_body")
         if not whole or message["type"] != "http.response.body" or self.scope["method"] == "HEAD":
             return False
+        self._write(head, body)
+        return True
+
+    def _write(self, head: bytes, body: bytes) -> None:
+        """All there is."""
         if len(body) <= _SMALL_BYTES:
             self.transport.write(head + body)
         else:
@@ -76,15 +94,3 @@ class Cycle(RequestResponseCycle):
         if not self.keep_alive:
             self.transport.close()
         self.on_response()
-        return True
-
-
-def _checked(name: bytes, value: bytes) -> bytes:
-    if HEADER_RE.search(name):
-        raise RuntimeError("Invalid HTTP header name.")
-    if HEADER_VALUE_RE.search(value):
-        raise RuntimeError("Invalid HTTP header value.")
-    return b"%b: %b\r\n" % (name.lower(), value)
-
-
-_line = lru_cache(maxsize=512)(_checked)

@@ -36,7 +36,7 @@ class BodyLimit:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
-        if scope["type"] != "http" or not _announces_a_body(scope):
+        if scope["type"] != "http" or not announces_a_body(scope):
             await self.app(scope, receive, send)
             return
         path = own_path(scope)
@@ -65,7 +65,7 @@ class BodyLimit:
         await self.app(scope, counted, answering)
 
 
-def _announces_a_body(scope: Scope) -> bool:
+def announces_a_body(scope: Scope) -> bool:
     """Without either of these headers there is none (RFC 9112, 6.3)."""
     for name, _ in scope["headers"]:  # noqa: SIM110 - `any` takes three times as long
         if name in _ANNOUNCE_A_BODY:
