@@ -200,8 +200,8 @@ def _methods_of(request: Request) -> str:
     """All methods of the address; the router itself names those of one route only."""
     path = getattr(request.scope.get("route"), "path", "")
     routes = [each for each in request.app.routes if getattr(each, "path", None) == path]
-    methods = {method for each in routes for method in getattr(each, "methods", None) or ()}
-    return ", ".join(sorted(methods - {"HEAD"} or {"GET"}))  # HEAD goes without saying
+    methods = {method for each in routes for method in getattr(each, "methods", None) or ()} or {"GET"}
+    return ", ".join(sorted(methods | {"HEAD"} if "GET" in methods else methods))
 
 
 def told(error: Exception) -> Told:

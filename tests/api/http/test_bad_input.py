@@ -234,11 +234,14 @@ def test_a_version_in_an_address_is_refused_with_its_range(service, path):
 
 
 @pytest.mark.slow
-def test_another_method_is_answered_with_those_there_are(service):
-    answer = service.client.delete("/v1/predictions")
+@pytest.mark.parametrize(
+    ("path", "methods"), [("/v1/predictions", "GET, HEAD, POST"), ("/v1/models", "GET, HEAD"), ("/v1/steps", "POST")]
+)
+def test_another_method_is_answered_with_those_there_are(service, path, methods):
+    answer = service.client.delete(path)
 
     assert answer.status_code == 405
-    assert answer.headers["allow"] == "GET, POST"
+    assert answer.headers["allow"] == methods
 
 
 @pytest.mark.parametrize("field", [*NUMBERS, "model", "frame", "include", "strict"])

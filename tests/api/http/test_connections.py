@@ -165,6 +165,16 @@ def test_what_is_no_request_is_a_problem(service: Any) -> None:
     assert b"malformed-head" in answer
 
 
+@pytest.mark.parametrize(("hosts", "told"), [([], b"no Host"), (["a", "a"], b"2 Host"), (["a", "b"], b"2 Host")])
+def test_a_request_has_one_host(service: Any, hosts: list[str], told: bytes) -> None:
+    with connect(service.url) as connection:
+        lines = "".join(f"Host: {each}\r\n" for each in hosts)
+        connection.sendall(f"GET /health/live HTTP/1.1\r\n{lines}\r\n".encode())
+        answer = answer_of(connection)
+    assert answer.startswith(b"HTTP/1.1 400 ")
+    assert told in answer
+
+
 def test_who_does_not_read_is_cut_off(serve: Any, store: Any, publish: Any, move: Any) -> None:
     move(store, publish(store))
     running = serve(**QUICK)

@@ -143,7 +143,7 @@ class GuardedProtocol(HttpToolsProtocol):
         self._limits = connections.limits
         self._in_head = True
         self._head_bytes = self._head_fields = self._field_bytes = 0
-        self._has_host = False
+        self._hosts = 0  # headers of this name
         self._refused: Exception | None = None
         self._lingering = False
         self._admitted = True
@@ -190,7 +190,7 @@ class GuardedProtocol(HttpToolsProtocol):
     def on_message_begin(self) -> None:
         """Of a request."""
         super().on_message_begin()
-        self._in_head, self._head_fields, self._field_bytes, self._has_host = True, 0, 0, False
+        self._in_head, self._head_fields, self._field_bytes, self._hosts = True, 0, 0, 0
 
     def on_header(self, name: bytes, value: bytes) -> None:
         """Raises HeadTooLargeError, upon which the parser gives up."""
@@ -201,7 +201,7 @@ class GuardedProtocol(HttpToolsProtocol):
         self._field_bytes += len(name) + len(value) + 4
         name = name.lower()
         if name == b"host":
-            self._has_host = True
+            self._hosts += 1
         elif name == b"expect" and value.lower() == b"100-continue":
             self.expect_100_continue = True
         self.headers.append((name, value))
@@ -212,8 +212,8 @@ class GuardedProtocol(HttpToolsProtocol):
             self._refused = HeadTooLargeError(self._limits.head_bytes, self._limits.head_fields)
             raise self._refused
         self._in_head, self._head_bytes = False, 0
-        if not self._has_host and self.parser.get_http_version() == "1.1":
-            self._refused = MalformedHeadError("the request has no Host header")  # RFC 9112, 3.2
+        if self._hosts > 1 or (not self._hosts and self.parser.get_http_version() == "1.1"):  # RFC 9112, 3.2
+            self._refused = MalformedHeadError(f"the request has {self._hosts or 'no'} Host headers, allowed is one")
             raise self._refused
         if not self._admitted and self.url.partition(b"?")[0].decode("latin-1") not in HEALTH_PATHS:
             self._refused = OverloadedError(f"{self._limits.connections} connections are open and busy")
