@@ -15,9 +15,9 @@ from fastapi import Request
 from starlette.types import Scope
 
 from service.access.addresses import Network
+from service.api.http.answers.head_lines import lines_of
 from service.api.http.answers.written import Written
 from service.api.http.errors import ErrorAnswers
-from service.api.http.head_lines import lines_of
 from service.api.http.instruments import Instruments
 from service.api.http.lanes import Lane
 from service.api.http.limits.answer_bytes import WaitingBytes

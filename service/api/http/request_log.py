@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.access.addresses import UNKNOWN, Network, client_address
+from service.api.http.answers.head_lines import lines_of
 from service.api.http.errors import ErrorAnswers, own_path
-from service.api.http.head_lines import lines_of
 from service.api.http.instruments import Instruments
 from service.api.http.sent_headers import first_sent
 from service.api.http.templates import NO_ROUTE

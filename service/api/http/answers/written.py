@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 from fastapi import Response
 from starlette.types import Receive, Scope, Send
 
-from service.api.http.head_lines import Pair, checked_line, known_lines
+from service.api.http.answers.head_lines import Pair, checked_line, known_lines
 
 _NOT_MODIFIED = 304
 # different with each answer: to remember them is no use

@@ -7,7 +7,7 @@ from typing import Any
 from uvicorn._types import ASGISendEvent
 from uvicorn.protocols.http.httptools_impl import STATUS_LINE, RequestResponseCycle
 
-from service.api.http.head_lines import checked_line, known_line
+from service.api.http.answers.head_lines import checked_line, known_line
 
 _LENGTH = b"content-length"
 _OF_ONE_ANSWER = frozenset(
