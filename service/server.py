@@ -95,8 +95,7 @@ class Server(uvicorn.Server):
         self._lifecycle.ending = True
         self._connections.close()
         await self._lifecycle.live.end(min(_PARTING_S, float(self.config.timeout_graceful_shutdown or _PARTING_S)))
-        self._acceptor.take(self.config.backlog)  # whom the system let in is answered, and not reset
-        self._acceptor.close()
+        self._acceptor.take_last(self.config.backlog)  # whom the system let in is answered, and not reset
         for door in (*self.servers, *(sockets or ())):  # at once: who came meanwhile would be reset
             door.close()
         await self._acceptor.settle()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import socket
 import time
@@ -173,6 +174,35 @@ def test_a_request_has_one_host(service: Any, hosts: list[str], told: bytes) -> 
         answer = answer_of(connection)
     assert answer.startswith(b"HTTP/1.1 400 ")
     assert told in answer
+
+
+GARBAGE = b"no request\r\n\r\n"
+TWO_HOSTS = b"GET /health/live HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n"
+LONG_HEAD = b"GET / HTTP/1.1\r\nHost: a\r\nX: %b\r\n\r\n" % (b"a" * 40_000)
+
+
+def statuses(service: Any, sent: bytes) -> list[bytes]:
+    with connect(service.url) as connection:
+        connection.sendall(sent)
+        return re.findall(rb"HTTP/1.1 (\d+) ", answer_of(connection))
+
+
+@pytest.mark.parametrize(("broken", "status"), [(GARBAGE, b"400"), (TWO_HOSTS, b"400"), (LONG_HEAD, b"431")])
+@pytest.mark.parametrize("before", [1, 2, 5])
+def test_what_cannot_be_read_is_refused_after_the_answers_to_what_was_sent_before(
+    service: Any, question: Any, broken: bytes, status: bytes, before: int
+) -> None:
+    body = orjson.dumps(question)
+    head = b"POST /v1/predictions HTTP/1.1\r\nHost: a\r\nContent-Type: application/json\r\n"
+    post = head + b"Content-Length: %d\r\n\r\n%b" % (len(body), body)
+    assert statuses(service, post * before + broken) == [b"200"] * before + [status]
+
+
+@pytest.mark.parametrize("before", [0, 1, 3])
+def test_a_request_whose_body_cannot_be_read_has_one_answer(service: Any, before: int) -> None:
+    get = b"GET /v1/models HTTP/1.1\r\nHost: a\r\n\r\n"
+    post = b"POST /v1/predictions HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\r\nthis is no chunk\r\n"
+    assert statuses(service, get * before + post) == [b"200"] * before + [b"400"]
 
 
 def test_who_does_not_read_is_cut_off(serve: Any, store: Any, publish: Any, move: Any) -> None:

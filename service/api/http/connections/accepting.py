@@ -33,8 +33,15 @@ class Acceptor:
         """Takes in who waits, at most so many at each door; how many there were."""
         return sum(self._take_at(each, most) for each in self._listeners)
 
-    def close(self) -> None:
-        """No more are taken."""
+    def take_last(self, most: int) -> None:
+        """Takes in who waits, at most so many at each door; no more are taken then.
+
+        Meanwhile the system lets in nobody else, whom the close would reset: it drops their first packet. They send it
+        again after a second, and are refused then, or find another server.
+        """
+        for each in self._listeners:
+            each.listen(0)
+        self.take(most)
         for each in self._listeners:
             each.close()
         self._listeners = []

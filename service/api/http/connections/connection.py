@@ -145,6 +145,7 @@ class GuardedProtocol(HttpToolsProtocol):
         self._head_bytes = self._head_fields = self._field_bytes = 0
         self._hosts = 0  # headers of this name
         self._refused: Exception | None = None
+        self._owed: Exception | None = None  # what is refused once the requests before are answered
         self._lingering = False
         self._admitted = True
         self.waiting_since = self._fed_at = self._read_at = time.monotonic()
@@ -185,7 +186,7 @@ class GuardedProtocol(HttpToolsProtocol):
             self._head_bytes += len(data)
         super().data_received(data)
         if self._in_head and self._head_bytes > self._limits.head_bytes and not self._lingering:
-            self._refuse(HeadTooLargeError(self._limits.head_bytes, self._limits.head_fields))
+            self._refuse_in_turn(HeadTooLargeError(self._limits.head_bytes, self._limits.head_fields))
 
     def on_message_begin(self) -> None:
         """Of a request."""
@@ -255,12 +256,14 @@ class GuardedProtocol(HttpToolsProtocol):
             self.server_state.total_requests += 1
             if not self.transport.is_closing():
                 self.flow.resume_reading()
+                if self._owed is not None:
+                    self._refuse(self._owed)
         if self._all.closing:  # its answer was on the way before it could say so
             self.loop.call_later(self._limits.linger_s, self._close_if_idle)
 
     def send_400_response(self, msg: str) -> None:
         """What uvicorn calls when the parser gave up."""
-        self._refuse(self._refused or MalformedHeadError(msg))
+        self._refuse_in_turn(self._refused or MalformedHeadError(msg))
 
     def resume_writing(self) -> None:
         """The client has read."""
@@ -329,6 +332,23 @@ class GuardedProtocol(HttpToolsProtocol):
         except OSError:
             return False
         return count[0] > 0
+
+    def _refuse_in_turn(self, error: Exception) -> None:
+        """Refuses what cannot be read, after the answers to what was sent before it. Nothing more is read."""
+        cycle, before = self.cycle, not self.is_idle
+        if cycle is not None and before and cycle.more_body:  # this is it: its head was right, its body is not
+            cycle.disconnected = True
+            cycle.message_event.set()
+            before = bool(self.pipeline) and self.pipeline[0][0] is cycle  # it has not begun, another one has
+            if before:
+                self.pipeline.popleft()
+            elif cycle.response_started:  # too late for another answer
+                self.transport.close()
+                return
+        if before:
+            self._owed, self._lingering = error, True
+        else:
+            self._refuse(error)
 
     def _refuse(self, error: Exception) -> None:
         """Answers a request of which no head could be made, and hangs up."""

@@ -28,9 +28,11 @@ class Cycle(RequestResponseCycle):
 
     async def send(self, message: ASGISendEvent) -> None:
         """ASGI."""
-        if self.transport.is_closing():  # a request that was sent ahead, by a client that has left
+        if self.flow.write_paused and not self.disconnected:
+            await self.flow.drain()
+        if self.transport.is_closing():  # a request that was sent ahead, by a client that has left, or was cut off
             self.disconnected = True
-        if not (self.disconnected or self.flow.write_paused):
+        if not self.disconnected:
             if self._end(message) if self.response_started else self._begin(message):
                 return
             if self._head:
