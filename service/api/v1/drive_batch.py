@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Annotated, Any
 
 import numpy as np
@@ -19,11 +18,11 @@ from service.api.http.reading import Route, parsed, require_json
 from service.api.http.router import Router
 from service.api.services import TheServices
 from service.api.v1.batch import BatchFormatQuery, columns_bytes
-from service.twin import Loaded, NonFiniteError
-from service.twin.drives import Drive, drives
+from service.twin import Loaded
+from service.twin.drives import Drive
 from service.twin.scenario import sample_count
 from service.wire.batch_forms import BATCH_ENCODERS, BATCH_MEDIA_TYPES, BatchFormat, batch_written
-from service.wire.drives.ask import CountDrive
+from service.wire.drives.ask import CountDrive, driven_many
 from service.wire.drives.batch import DRIVE_BATCH_WORDS, MOST_DRIVES, DriveBatchBody, DrivesQuestion, read_drives
 from service.wire.drives.batch_answer import DriveBatchAnswer
 from service.wire.drives.batch_subject import DriveBatchSubject
@@ -130,21 +129,15 @@ def _driven(question: DrivesQuestion, loaded: Loaded, count: CountDrive) -> Driv
 
     Raises InvalidValueError for a version that cannot drive, or a band that cannot be had.
     """
-    wanted, twin, asked = question.wanted, loaded.twin, question.drives
-    began = time.perf_counter()
-    answers = drives(twin, list(asked.values()), wanted)
-    each_s = (time.perf_counter() - began) / max(len(asked), 1)
+    wanted, asked = question.wanted, question.drives
+    answers = driven_many(list(asked.values()), wanted, question.shared.strict, loaded, count)
     found: dict[int, Drive] = {}
     failures: dict[int, Exception] = dict(question.failures)
     for index, answer in zip(asked, answers, strict=True):
-        if isinstance(answer, NonFiniteError):
-            failures[index] = answer
-            continue
-        count(twin, each_s, answer.summary.outcome, answer.domain.inside)
-        if question.shared.strict and not answer.domain.inside:
-            failures[index] = twin.outside(answer.domain.verdict())
-        else:
+        if isinstance(answer, Drive):
             found[index] = answer
+        else:
+            failures[index] = answer
     return DriveBatchSubject(
         loaded=loaded,
         frame=wanted.frame,

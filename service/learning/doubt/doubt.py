@@ -99,9 +99,8 @@ class Doubt:
 
         def sides(offsets: Sequence[Array]) -> Iterator[Sequence[Array] | Array]:
             count = len(scenarios)
-            for some in (
-                [offsets] if count == 1 else [[each] for each in offsets]
-            ):  # of many one step at a time fills memory
+            at_once = [offsets] if count == 1 else [[each] for each in offsets]  # all steps of many would fill memory
+            for some in at_once:
                 both = np.concatenate([side * each for each in some for side in (1.0, -1.0)])
                 times = time_s if time_s.ndim == 1 else np.concatenate([time_s] * (2 * len(some)))
                 x = model.ways_with(Scenarios.stack([scenarios] * (2 * len(some))), times, both)

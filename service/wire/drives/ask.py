@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from service.twin import Loaded, Twin
-from service.twin.drives import DriveOutcome, DriveQuestion, Wanted, drive
+from service.twin import Loaded, NonFiniteError, OutsideDomainError, Twin
+from service.twin.drives import Drive, DriveOutcome, DriveQuestion, Wanted, drives
 from service.wire.drives.subject import DriveSubject
 
 CountDrive = Callable[[Twin, float, DriveOutcome, bool], None]
@@ -25,9 +25,28 @@ def driven(
     Raises InvalidValueError for a version that cannot drive and for a band that cannot be had, NonFiniteError, and
     OutsideDomainError where a strict client asks for a drive that leaves the domain.
     """
-    began = time.perf_counter()
-    found = drive(loaded.twin, question, wanted)
-    count(loaded.twin, time.perf_counter() - began, found.summary.outcome, found.domain.inside)
-    if strict and not found.domain.inside:
-        raise loaded.twin.outside(found.domain.verdict())
+    (found,) = driven_many([question], wanted, strict, loaded, count)
+    if isinstance(found, Exception):
+        raise found
     return DriveSubject(loaded, found)
+
+
+def driven_many(
+    questions: Sequence[DriveQuestion], wanted: Wanted, strict: bool, loaded: Loaded, count: CountDrive = uncounted
+) -> list[Drive | NonFiniteError | OutsideDomainError]:
+    """The same for many, sooner: of each the drive, or why there is none. Each counts as long as the others.
+
+    Raises InvalidValueError as `driven` does.
+    """
+    began, twin = time.perf_counter(), loaded.twin
+    answers = drives(twin, questions, wanted)
+    each_s = (time.perf_counter() - began) / max(len(questions), 1)
+    found: list[Drive | NonFiniteError | OutsideDomainError] = []
+    for answer in answers:
+        if isinstance(answer, NonFiniteError):
+            found.append(answer)
+            continue
+        count(twin, each_s, answer.summary.outcome, answer.domain.inside)
+        refused = strict and not answer.domain.inside
+        found.append(twin.outside(answer.domain.verdict()) if refused else answer)
+    return found

@@ -131,10 +131,14 @@ ROVER_VERSIONS(placed_at, TOLD_PARAMETERS, TOLD_ARGUMENTS)
 
 static void write_slopes(rover_motion *motion, double slope_rad, int64_t first, int64_t end, const rover_columns *to)
 {
-    double ahead = 0.5 * motion->place.law->wheelbase_m;
-    for (int64_t i = first; to->slope_rad && i < end; i++)
-        to->slope_rad[i] =
-            motion->track ? rover_slope_at(motion->track, &motion->interval, to->x_m[i] + ahead) : slope_rad;
+    if (!to->slope_rad)
+        return;
+    if (motion->track)
+        rover_slopes_at(motion->track, &motion->interval, 0.5 * motion->place.law->wheelbase_m, end - first,
+                        to->x_m + first, to->slope_rad + first);
+    else
+        for (int64_t i = first; i < end; i++)
+            to->slope_rad[i] = slope_rad;
 }
 
 /* A column from number i on, or what takes its place where it is not asked for */

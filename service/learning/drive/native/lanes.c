@@ -174,14 +174,6 @@ static void drive_alone(const rover_law *law, const rover_route *route, const ro
     rover_follow(&motion, &state, route->controls, 0.0, route->offset, to->times, to->time_s, NULL, &one);
 }
 
-/* The slope that acts at each of some places of one rover */
-static void write_slopes(const rover_law *law, const rover_track *track, int64_t count, const double *x_m, double *slope_rad)
-{
-    int64_t interval = 0;
-    for (int64_t i = 0; i < count; i++)
-        slope_rad[i] = rover_slope_at(track, &interval, x_m[i] + 0.5 * law->wheelbase_m);
-}
-
 void rover_drives(const rover_law *law, int64_t count, const rover_route *routes, int64_t times, const double *time_s,
                   int64_t columns, double *outputs)
 {
@@ -207,6 +199,9 @@ void rover_drives(const rover_law *law, int64_t count, const rover_route *routes
         if (to->lanes < FEWEST_ROUTES)
             to->lanes = 1;
     }
-    for (int64_t i = 0; columns == ROVER_OUTPUTS && i < count; i++)
-        write_slopes(law, routes[i].track, times, outputs + i * times, outputs + ROVER_SLOPE * block + i * times);
+    for (int64_t i = 0; columns == ROVER_OUTPUTS && i < count; i++) {
+        int64_t interval = 0;
+        double *slope_rad = outputs + ROVER_SLOPE * block + i * times;
+        rover_slopes_at(routes[i].track, &interval, 0.5 * law->wheelbase_m, times, outputs + i * times, slope_rad);
+    }
 }

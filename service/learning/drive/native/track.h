@@ -22,6 +22,14 @@ static inline double rover_slope_at(const rover_track *track, int64_t *interval,
     return track->slope_rad[at] + part * (track->slope_rad[at + 1] - track->slope_rad[at]);
 }
 
+/* The slope that acts at each of some places of one rover, whose middle is `ahead_m` beyond them */
+static inline void rover_slopes_at(const rover_track *track, int64_t *interval, double ahead_m, int64_t count,
+                                   const double *x_m, double *slope_rad)
+{
+    for (int64_t i = 0; i < count; i++)
+        slope_rad[i] = rover_slope_at(track, interval, x_m[i] + ahead_m);
+}
+
 /* The torque (N m) under a control: none where it brakes */
 static inline double rover_told(const rover_controls *controls, int64_t control)
 {
